@@ -1,8 +1,8 @@
 """Fault classes of unlabelled records, from a classifier that has only seen simulated machines with their faults.
 
-records (labels dropped) --speeds--> windows --features--> trees that ship with twingap (`order_classifier`)
-                                        |  or --------> a network trained for this twin (`network_classifier`)
-                                        +--> probabilities --mean over windows, temperature--> class, confidence
+records (labels dropped) --likely speeds--> windows --features--> trees that ship with twingap (`order_classifier`)
+                                               |  or --------> a network trained for this twin (`network_classifier`)
+               probabilities --mean over windows and speeds, temperature--> class, confidence
 
 The trees read lines at the bearing's orders and levels over the quietest record. They have learnt from simulated fleets
 of random machines (`twingap.adapt.train_classifier`) and need of the user's machine its bearing and speeds only. A
@@ -25,7 +25,6 @@ from twingap.adapt.classify_options import ORDERS, ClassifyOptions
 from twingap.adapt.confidence import Reliability
 from twingap.adapt.population import CLASSES
 from twingap.adapt.window_length import window_samples
-from twingap.bearing import Bearing
 from twingap.errors import TwingapError
 from twingap.records import RecordSet
 from twingap.records.measurable import refuse_unmeasurable
@@ -138,16 +137,27 @@ def classify(
 
         found = classify_by_network(records, twin, bearing, length, seed, options, notes, progress)
     else:
-        if options.match:
-            progress("reading speeds", 0.0)
-            records = _at_true_speeds(records, bearing, notes)
-        progress("classifying", 0.5)
-        from twingap.adapt.order_classifier import shipped_classifier  # slow to import
-        from twingap.adapt.order_transformer import OrderFeatures
+        from twingap.adapt.order_classifier import (
+            rows_at_speeds,
+            shipped_classifier,
+            weighed_by_lines,
+        )  # slow to import
+        from twingap.adapt.windows import cut
+        from twingap.identification.speed_without_labels import as_stated, speeds_without_labels
 
+        progress("reading speeds", 0.0)
+        speeds = speeds_without_labels(records, bearing) if options.match else as_stated(len(records))
+        notes += speeds.notes
+        if hidden := int((~speeds.shown).sum()):
+            notes.append(
+                f"{hidden} of {len(records)} records do not show their speed: they were classified at all speeds that "
+                "are likely, which makes their confidence lower"
+            )
+        progress("classifying", 0.5)
         trees = shipped_classifier()
-        rows = OrderFeatures(bearing, options.windows, length).transform(records)
-        probabilities = trees.predict_proba(rows)[:, np.searchsorted(trees.classes_, CLASSES)]
+        rows, weights = rows_at_speeds(cut(records, length, options.windows), speeds, bearing)
+        probabilities = trees.predict_proba(rows, weights)[:, np.searchsorted(trees.classes_, CLASSES)]
+        probabilities = weighed_by_lines(probabilities, speeds)
         assert trees.calibration_ is not None and trees.reliability_ is not None
         found = probabilities, trees.calibration_.temperature, trees.reliability_
     return Classified(tuple(c.name for c in records.conditions), CLASSES, *found, length, tuple(notes))
@@ -179,16 +189,3 @@ def _readable(records: RecordSet) -> tuple[RecordSet, list[str]]:
         raise TwingapError(faults[0].what, where=faults[0].where, mend="give records that vibrate")
     more = f", and {len(faults) - 1} more" if len(faults) > 1 else ""
     return records.take(kept), [f"left out, since it cannot be classified: {faults[0]}{more}"]
-
-
-def _at_true_speeds(records: RecordSet, bearing: Bearing, notes: list[str]) -> RecordSet:
-    """Records with the speeds that their lines show, where they show them."""
-    from twingap.identification.speed import estimate_speeds
-
-    try:
-        speeds = estimate_speeds(records, bearing)
-    except TwingapError as error:
-        notes.append(f"speeds could not be read off the records ({error}): they were taken as stated")
-        return records
-    notes += speeds.notes
-    return speeds.corrected(records)

@@ -35,7 +35,7 @@ class ClassifyOptions:
     windows : int
         Windows per record, evenly spaced.
     match : bool
-        Whether to estimate speeds from the records, without their labels; for a network also free parameters of the
+        Whether to read true speeds off the records, without their labels; for a network also free parameters of the
         twin.
     max_iterations : int
         Most iterations of the networks' mode decomposition.

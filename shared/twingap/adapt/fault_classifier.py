@@ -138,7 +138,7 @@ class FaultClassifier(ClassifierMixin, BaseEstimator):  # type: ignore[misc]
         self.reliability_: Reliability | None = None
         return self
 
-    def calibrate(self, X: ArrayLike, y: ArrayLike) -> FaultClassifier:
+    def calibrate(self, X: ArrayLike, y: ArrayLike, window_weight: ArrayLike | None = None) -> FaultClassifier:
         """Fit the temperature to records that the trees were not fitted to.
 
         Parameters
@@ -147,6 +147,8 @@ class FaultClassifier(ClassifierMixin, BaseEstimator):  # type: ignore[misc]
             As many windows a record as are to be classified later.
         y : array [records]
             Labels, all among `classes_`.
+        window_weight : array [records, windows], optional
+            Weights of the windows in the mean of each record; equal by default.
 
         Returns
         -------
@@ -157,7 +159,7 @@ class FaultClassifier(ClassifierMixin, BaseEstimator):  # type: ignore[misc]
         ValueError
             For labels that are not among `classes_`.
         """
-        predicted, y = self._uncalibrated(X), np.asarray(y)
+        predicted, y = self._uncalibrated(X, window_weight), np.asarray(y)
         if unknown := sorted({str(label) for label in y} - {str(label) for label in self.classes_}):
             raise ValueError(f"labels {', '.join(unknown)} are not among the classes of the fit")
         labels = self.outputs_[np.searchsorted(self.classes_, y)]
@@ -165,19 +167,21 @@ class FaultClassifier(ClassifierMixin, BaseEstimator):  # type: ignore[misc]
         self.reliability_ = cross_checked(predicted, labels)
         return self
 
-    def predict_proba(self, X: ArrayLike) -> Array:
+    def predict_proba(self, X: ArrayLike, window_weight: ArrayLike | None = None) -> Array:
         """Probabilities of the classes, calibrated where `calibrate` was called.
 
         Parameters
         ----------
         X : array [records, windows, features] or [records, features]
+        window_weight : array [records, windows], optional
+            Weights of the windows in the mean of each record; equal by default.
 
         Returns
         -------
         Array [records, classes]
             In the order of `classes_`.
         """
-        predicted = self._uncalibrated(X)
+        predicted = self._uncalibrated(X, window_weight)
         return (predicted if self.calibration_ is None else self.calibration_(predicted))[:, self.outputs_]
 
     def predict(self, X: ArrayLike) -> NDArray[Any]:
@@ -190,19 +194,23 @@ class FaultClassifier(ClassifierMixin, BaseEstimator):  # type: ignore[misc]
         probabilities = self.predict_proba(X)
         return np.asarray(self.classes_[probabilities.argmax(axis=1)])
 
-    def _uncalibrated(self, X: ArrayLike) -> Array:
+    def _uncalibrated(self, X: ArrayLike, window_weight: ArrayLike | None = None) -> Array:
         """Mean probabilities over the windows of each record, in the order of the trees' outputs."""
         check_is_fitted(self)
         rows, windows = _flat(X)
         odds = self.trees_(validate_data(self, rows, dtype=np.float32, reset=False))
         if odds.shape[1] == 1:
             odds = np.hstack([np.zeros_like(odds), odds])
-        return votes(softmax(odds), windows)
+        return votes(softmax(odds), windows, window_weight)
 
 
-def votes(probabilities: Array, windows: int) -> Array:
+def votes(probabilities: Array, windows: int, window_weight: ArrayLike | None = None) -> Array:
     """Mean probabilities of each record [records, classes], whose windows follow each other."""
-    return np.asarray(probabilities.reshape(-1, windows, probabilities.shape[1]).mean(axis=1))
+    of_windows = probabilities.reshape(-1, windows, probabilities.shape[1])
+    if window_weight is None:
+        return np.asarray(of_windows.mean(axis=1))
+    weight = np.asarray(window_weight, float)
+    return np.asarray(np.einsum("rwc,rw->rc", of_windows, weight) / weight.sum(axis=1, keepdims=True))
 
 
 def softmax(log_odds: Array) -> Array:

@@ -88,6 +88,8 @@ class Fleets:
         Recordings in a fleet.
     classes : sequence of str
         Classes of the members, "healthy" first.
+    disturbances : sequence of (name, fraction, draw)
+        Effects that all members have, see `DISTURBANCES`.
 
     Raises
     ------
@@ -98,6 +100,7 @@ class Fleets:
     population: Population
     members: int
     classes: Sequence[str] = CLASSES
+    disturbances: Sequence[tuple[str, float, Draw]] = DISTURBANCES
 
     def __post_init__(self) -> None:
         if self.members < 1:
@@ -133,7 +136,7 @@ class Fleets:
 
     def _common(self, fs_hz: float, rng: np.random.Generator) -> Common:
         values = self.population.drawn_values(rng, FREE_SPREAD) | self._open(fs_hz, rng)
-        effects = {name: draw(rng, fs_hz) for name, share, draw in DISTURBANCES if rng.random() < share}
+        effects = {name: draw(rng, fs_hz) for name, share, draw in self.disturbances if rng.random() < share}
         effects["second_resonance"] = {
             "frequency_hz": fs_hz * _log(rng, 0.05, 0.45),
             "damping_ratio": _log(rng, 0.01, 0.1),

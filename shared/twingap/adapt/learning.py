@@ -37,8 +37,8 @@ learn more from more recordings; confidence is calibrated on as many windows as 
 LARGEST_FILE: Final = 2_500_000
 """Bytes that the trees may take in the package."""
 
-Part = tuple[NDArray[np.float32], NDArray[np.int64]]
-"""Features [recordings, windows, features] and labels [recordings]."""
+Part = tuple[NDArray[np.float32], NDArray[np.int64], NDArray[np.float64]]
+"""Features [recordings, windows, features], labels [recordings] and weights [recordings, windows]."""
 
 
 def train_classifier(
@@ -92,9 +92,9 @@ def train_classifier(
         progress("simulating fleets", 0.9 * (1 - (len(missing) - done) / len(wanted)))
     progress("training", 0.9)
     learn, calibrate = ([_read(p) for key, p in places.items() if key[0] == use] for use in (LEARN, CALIBRATE))
-    made = {"seed": seed, "fleets": learned * FLEETS_PER_PART, "recordings": sum(len(y) for _, y in learn)}
+    made = {"seed": seed, "fleets": learned * FLEETS_PER_PART, "recordings": sum(len(y) for _, y, _ in learn)}
     found = fit_classifier(learn, calibrate, seed)
-    write_classifier(found, folder, made | {"calibration_recordings": sum(len(y) for _, y in calibrate)})
+    write_classifier(found, folder, made | {"calibration_recordings": sum(len(y) for _, y, _ in calibrate)})
     if (size := (folder / TREES_FILE).stat().st_size) > LARGEST_FILE:
         raise TwingapError(f"takes {size} bytes, at most {LARGEST_FILE} expected", where=folder / TREES_FILE)
     for place in store.glob(f"v*-seed{seed}-*.npz"):
@@ -118,21 +118,25 @@ def write_part(place: Path, seed: int, use: int, number: int) -> None:
         Of the part: each has random numbers of its own.
     """
     rng = np.random.default_rng([seed, 41, use, number])
-    made = [random_fleet(rng, WINDOWS[use], lengths=LENGTHS[use]) for _ in range(FLEETS_PER_PART)]
+    made = [
+        random_fleet(rng, WINDOWS[use], lengths=LENGTHS[use], wrong_speeds=use == CALIBRATE)
+        for _ in range(FLEETS_PER_PART)
+    ]
     with replacing(place) as temporary, temporary.open("wb") as stream:
         np.savez(
             stream,
             features=np.concatenate([fleet.features for fleet in made]),
             labels=np.concatenate([fleet.labels for fleet in made]),
+            weights=np.concatenate([fleet.weights for fleet in made]),
         )
 
 
 def _read(place: Path) -> Part:
     with np.load(place, allow_pickle=False) as stored:
-        features, labels = stored["features"], stored["labels"]
+        features, labels, weights = stored["features"], stored["labels"], stored["weights"]
     if features.shape[2] != len(FEATURES):
         raise TwingapError("holds other features than this version of twingap has", where=place, mend="delete it")
-    return features, labels
+    return features, labels, weights
 
 
 def fit_classifier(learn: Sequence[Part], calibrate: Sequence[Part], seed: int) -> FaultClassifier:
@@ -153,7 +157,7 @@ def fit_classifier(learn: Sequence[Part], calibrate: Sequence[Part], seed: int) 
     TwingapError
         When a class is missing.
     """
-    features, labels = (np.concatenate(arrays) for arrays in zip(*learn, strict=True))
+    features, labels, _ = (np.concatenate(arrays) for arrays in zip(*learn, strict=True))
     if missing := sorted(set(range(len(CLASSES))) - set(labels.tolist())):
         raise TwingapError(f"no {CLASSES[missing[0]]} recording among {len(labels)}", mend="simulate more fleets")
     found = FaultClassifier(random_state=seed).fit(features, labels)

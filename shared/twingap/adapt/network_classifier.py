@@ -24,6 +24,7 @@ from twingap.adapt.windows import cut
 from twingap.bearing import Bearing
 from twingap.errors import TwingapError
 from twingap.identification.calibrate import calibrate
+from twingap.identification.speed_without_labels import speeds_without_labels
 from twingap.records import RecordSet
 from twingap.twins.twin_file import TwinSpec, flat, nested
 
@@ -108,6 +109,9 @@ def matched(
     impact's amplitude it would only give where the comb is plain, so amplitudes are drawn instead.
     """
     known = stated(twin)
+    speeds = speeds_without_labels(records, bearing)
+    notes += speeds.notes
+    records = speeds.corrected(records)
     if twin.model != "phenomenological":
         notes.append(
             f"the {twin.model} twin was taken as it is: `twingap identify` matches it to records of known state"

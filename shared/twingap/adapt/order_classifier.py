@@ -23,12 +23,13 @@ from numpy.typing import NDArray
 from twingap.adapt.confidence import Calibration, Reliability
 from twingap.adapt.fault_classifier import FaultClassifier
 from twingap.adapt.levels import NAMES, levels_above_the_quietest, operating_points
-from twingap.adapt.order_features import names, order_features
+from twingap.adapt.order_features import names, order_features_at
 from twingap.adapt.population import CLASSES
 from twingap.adapt.windows import Windows
 from twingap.bearing import BEARINGS, Bearing
 from twingap.errors import TwingapError
 from twingap.files import replacing
+from twingap.identification.speed_without_labels import FAULTS, SpeedProbabilities
 from twingap.trees import Trees
 
 Array = NDArray[np.float64]
@@ -37,8 +38,14 @@ SETTING: Final = ("setting: ln turns in the window", "setting: ln samples per tu
 """What the noise of the other features depends on: the resolution of orders, and how many recordings the quietest is
 the least of (at most `MOST_COMPARED`)."""
 MOST_COMPARED: Final = 8
+SPEEDS: Final = 5
+"""Most candidates of a record's speed; more cover more of what is possible where records hardly show it."""
+LINE_WEIGHT: Final = 0.2
+"""Log odds of two faults per unit of difference of their lines' scores; larger trusts lines more than trees."""
+SPEED_WIDTH: Final = 0.01
+"""Half the relative range of speeds that a candidate stands for: what the search for lines tolerates."""
 FEATURES: Final = (*names(next(iter(BEARINGS.values()))), *(f"level: {name}" for name in NAMES), *SETTING)
-VERSION: Final = 1
+VERSION: Final = 2
 """Of what the features mean. Raise it with every change of a feature that keeps its name."""
 TREES_FILE: Final = "classifier.npz"
 ABOUT_FILE: Final = "classifier.json"
@@ -53,14 +60,79 @@ def features(windows: Windows, bearing: Bearing) -> NDArray[np.float32]:
         `group` tells recordings apart; labels are not read.
     bearing : Bearing
     """
-    turns = windows.samples.shape[1] * windows.speed_rpm / 60 / windows.fs_hz
-    point = operating_points(windows.speed_rpm)
+    return features_at(windows, windows.speed_rpm[None], bearing)[0]
+
+
+def features_at(windows: Windows, speeds_rpm: Array, bearing: Bearing) -> NDArray[np.float32]:
+    """`FEATURES` of the windows of one fleet at several candidates of their speeds.
+
+    Parameters
+    ----------
+    windows : Windows
+        `group` tells recordings apart, stated speeds tell operating points apart; labels are not read.
+    speeds_rpm : Array [candidates, windows]
+    bearing : Bearing
+
+    Returns
+    -------
+    float32 array [candidates, windows, features]
+    """
+    n, point = windows.samples.shape[1], operating_points(windows.speed_rpm)
     of_point = np.array([len(set(windows.group[point == p])) for p in range(int(point.max(initial=-1)) + 1)])
-    setting = np.column_stack([
-        np.log(turns), np.log(windows.samples.shape[1] / turns), np.minimum(of_point[point], MOST_COMPARED),
-    ])  # fmt: skip
-    found = np.hstack([order_features(windows, bearing), levels_above_the_quietest(windows), setting])
-    return found.astype(np.float32)
+    compared, levels = np.minimum(of_point[point], MOST_COMPARED), levels_above_the_quietest(windows)
+    lines = order_features_at(windows, speeds_rpm, bearing)
+    out = []
+    for speed_rpm, at_speed in zip(speeds_rpm, lines, strict=True):
+        turns = n * speed_rpm / 60 / windows.fs_hz
+        out.append(np.column_stack([at_speed, levels, np.log(turns), np.log(n / turns), compared]))
+    return np.array(out, dtype=np.float32)
+
+
+def rows_at_speeds(windows: Windows, speeds: SpeedProbabilities, bearing: Bearing) -> tuple[NDArray[np.float32], Array]:
+    """Rows of each record at the likeliest of its speeds, and their weights.
+
+    Parameters
+    ----------
+    windows : Windows
+        As many of each record, in the records' order.
+    speeds : SpeedProbabilities
+        Of the records.
+    bearing : Bearing
+
+    Returns
+    -------
+    rows : float32 array [records, candidates * windows, features]
+    weights : Array [records, candidates * windows]
+        Probabilities of the speeds.
+    """
+    ratios, weights = speeds.candidates(SPEEDS, SPEED_WIDTH)
+    count, records = ratios.shape
+    each = len(windows) // records
+    found = features_at(windows, windows.speed_rpm * np.repeat(ratios, each, axis=1), bearing)
+    rows = found.reshape(count, records, each, -1).swapaxes(0, 1).reshape(records, count * each, -1)
+    return rows, np.repeat(weights.T, each, axis=1)
+
+
+def weighed_by_lines(probabilities: Array, speeds: SpeedProbabilities) -> Array:
+    """Probabilities of `CLASSES`, those of faults weighed against each other by the lines of whole records.
+
+    A window has few turns, in which lines of different faults hardly differ; a record has many. The probability of a
+    healthy record stays.
+
+    Parameters
+    ----------
+    probabilities : Array [records, classes]
+    speeds : SpeedProbabilities
+        Of the records.
+    """
+    if speeds.lines is None:
+        return probabilities
+    places = [CLASSES.index(fault) for fault in FAULTS]
+    faulty = probabilities[:, places]
+    weighed = faulty * np.exp(LINE_WEIGHT * (speeds.lines - speeds.lines.max(axis=1, keepdims=True)))
+    out = probabilities.copy()
+    out[:, places] = weighed * faulty.sum(axis=1, keepdims=True) / weighed.sum(axis=1, keepdims=True)
+    return out
 
 
 def write_classifier(classifier: FaultClassifier, folder: Path, made: Mapping[str, Any]) -> None:

@@ -93,15 +93,33 @@ def order_features(windows: Windows, bearing: Bearing) -> Array:
     Array [windows, features]
         Finite. Lines beyond the envelope's range or `HIGHEST_ORDER` are 0.
     """
+    return order_features_at(windows, windows.speed_rpm[None], bearing)[0]
+
+
+def order_features_at(windows: Windows, speeds_rpm: Array, bearing: Bearing) -> Array:
+    """Features of each window at several candidates of its speed; spectra are computed once.
+
+    Parameters
+    ----------
+    windows : Windows
+        Labels and speeds are not used.
+    speeds_rpm : Array [candidates, windows]
+        The first candidate determines the width of the most impulsive band.
+    bearing : Bearing
+
+    Returns
+    -------
+    Array [candidates, windows, features]
+    """
     unfiltered = waveform(windows)
     signals = {"unfiltered": unfiltered, "whitened": prewhitened(unfiltered), "flattened": flattened(unfiltered)}
-    samples_per_turn = windows.fs_hz * 60 / windows.speed_rpm
+    per_turn = windows.fs_hz * 60 / speeds_rpm
+    spectra = [_envelope_spectra(x) for x in signals.values()]
+    spectra.append(_impulsive_spectra(signals["flattened"], per_turn[0], bearing))
+    kurtosis = np.stack([_log_kurtosis(x) for x in signals.values()], axis=1)
     orders = np.array(list(line_orders(bearing).values()))
     cycles: Array = np.asarray(np.fft.rfftfreq(unfiltered.shape[1]), float)
-    parts = [_lines(_envelope_spectra(x), cycles, samples_per_turn, orders) for x in signals.values()]
-    impulsive = _impulsive_spectra(signals["flattened"], samples_per_turn, bearing)
-    parts.append(_lines(impulsive, cycles, samples_per_turn, orders))
-    return np.hstack([*parts, np.stack([_log_kurtosis(x) for x in signals.values()], axis=1)])
+    return np.stack([np.hstack([*(_lines(one, cycles, p, orders) for one in spectra), kurtosis]) for p in per_turn])
 
 
 def flattened(x: Array) -> Array:

@@ -31,7 +31,7 @@ def classify(
         bool,
         typer.Option(
             "--match/--no-match",
-            help="Estimate speeds from the records, for a network also free parameters.",
+            help="Read true speeds off the records, for a network also free parameters.",
         ),
     ] = True,
     effects: Effects = None,

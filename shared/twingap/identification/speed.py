@@ -104,11 +104,11 @@ class Speeds:
         conditions = [
             replace(c, speed_rpm=c.speed_rpm * e.ratio) for c, e in zip(records.conditions, self.estimates, strict=True)
         ]
-        return RecordSet(records.name, records.unit, records.bearing, conditions, _Samples(records))
+        return RecordSet(records.name, records.unit, records.bearing, conditions, Samples(records))
 
 
 @dataclass(frozen=True)
-class _Samples:
+class Samples:
     """Loader of the samples of record i."""
 
     records: RecordSet

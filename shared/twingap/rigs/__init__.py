@@ -15,6 +15,7 @@ from twingap.rigs.smart_maintenance import RunTruth, SmartMaintenanceRig, truth
 from twingap.rigs.stored import stored_folder, stored_records
 from twingap.rigs.structure import Structure
 from twingap.rigs.virtual_cwru import VirtualCwru
+from twingap.rigs.wrong_speeds import WrongSpeeds
 
 
 class Rig(Protocol):
@@ -39,6 +40,7 @@ RIGS: Final[dict[str, Callable[..., Rig]]] = {
     "drifting": Drifting,
     "virtual_cwru": VirtualCwru,
     "virtual_smart_maintenance": SmartMaintenanceRig,
+    "wrong_speeds": WrongSpeeds,
 }
 """Name -> class, whose keyword arguments are the rig's options."""
 
@@ -67,6 +69,6 @@ def make_rig(name: str, **options: Any) -> Rig:
 
 
 __all__ = [
-    "RIGS", "Drifting", "Machine", "Rig", "RunTruth", "SmartMaintenanceRig", "Structure", "VirtualCwru", "arrivals",
-    "digest", "make_rig", "stored_folder", "stored_records", "truth",
+    "RIGS", "Drifting", "Machine", "Rig", "RunTruth", "SmartMaintenanceRig", "Structure", "VirtualCwru", "WrongSpeeds",
+    "arrivals", "digest", "make_rig", "stored_folder", "stored_records", "truth",
 ]  # fmt: skip

@@ -15,6 +15,7 @@ from twingap.adapt.learning import CALIBRATE, FLEETS_PER_PART, LARGEST_FILE, LEA
 from twingap.adapt.order_classifier import (
     ABOUT_FILE,
     FEATURES,
+    SPEEDS,
     TREES_FILE,
     features,
     read_classifier,
@@ -89,6 +90,15 @@ def test_one_part_is_the_same_for_one_seed_and_no_other(tmp_path: Path) -> None:
     one, two, other = (random_fleet(rng, 2, lengths=(1.0, 6.0)) for rng in rngs)
     np.testing.assert_array_equal(one.features, two.features)
     assert one.features.shape != other.features.shape or not np.array_equal(one.features, other.features)
+
+
+def test_confidence_is_calibrated_at_all_likely_speeds() -> None:
+    rng = np.random.default_rng(5)
+    made = [random_fleet(rng, 2, lengths=(3.0, 6.0), wrong_speeds=True) for _ in range(4)]
+    for fleet in made:
+        assert fleet.features.shape[1] == fleet.weights.shape[1] == 2 * SPEEDS
+        np.testing.assert_allclose(fleet.weights.sum(axis=1), 2)
+    assert any((fleet.weights > 0).sum() > 2 * len(fleet.labels) for fleet in made), "some speeds are not certain"
 
 
 def test_too_few_fleets_are_refused(tmp_path: Path) -> None:
@@ -196,6 +206,20 @@ def test_neither_the_twin_nor_the_seed_nor_the_unit_changes_what_the_trees_predi
         np.testing.assert_array_equal(again.probabilities, one.probabilities)
     louder = RecordSet.from_records("s", "", BEARINGS["6205"], [replace(r, samples=100 * r.samples) for r in records])
     np.testing.assert_allclose(classify(louder, other).probabilities, one.probabilities, atol=1e-9)
+
+
+def test_a_healthy_machine_may_be_impulsive() -> None:
+    """Impulses without a rhythm, in the quietest record of its machine, are no fault of a ball."""
+    loud = plant(BEARINGS["6205"], 12_000.0, 1797.0)
+    noise = make_effect(
+        "impulsive_noise", {"level": 4.0, "rate_hz": 60.0, "resonance_hz": 2400.0, "spread": 0.5}, "test"
+    )
+    healthy = [replace(c, name=f"h{i}", fault="healthy") for i, c in enumerate(loud.conditions[:2])]
+    twin = PhenomenologicalTwin(BEARINGS["6205"], PhenomenologicalParameters(2400.0, 0.05), [noise])
+    impulsive = list(twin.simulate(healthy, np.random.default_rng(3)))
+    records = RecordSet.from_records("s", "", BEARINGS["6205"], [*impulsive, *list(loud)[2:]])
+    found = classify(records, TwinSpec("phenomenological"))
+    assert found.predicted[:2] == ("healthy", "healthy")
 
 
 def test_progress_is_reported_and_labels_are_not_read() -> None:

@@ -135,3 +135,15 @@ def test_mistakes_are_explained() -> None:
         make_rig("virtual_cwru", colour=1)
     with pytest.raises(TwingapError, match="duration_s = -1"):
         make_rig("virtual_cwru", duration_s=-1)
+
+
+def test_stated_speeds_are_wrong_by_three_to_six_per_cent() -> None:
+    for seed in range(4):
+        records = make_rig("wrong_speeds", records_per_class=3).records(seed)
+        off = [abs(float(c.extra["true_rpm"]) / c.speed_rpm - 1) for c in records.conditions]
+        assert min(off) >= 0.03 - 1e-9 and max(off) <= 0.06 + 1e-9
+        assert {c.fault for c in records.conditions} == {"healthy", "inner", "outer", "ball"} and len(records) == 12
+    one, two = (make_rig("wrong_speeds", records_per_class=3).records(0)[5].samples for _ in range(2))
+    np.testing.assert_array_equal(one, two)
+    with pytest.raises(TwingapError, match="records_per_class = 2"):
+        make_rig("wrong_speeds", records_per_class=2)
