@@ -46,6 +46,8 @@ PAPERS: Final[Mapping[str, Mapping[str, tuple[str, ...]]]] = {
         "paper3_zoa_dann.comparison": BOTH,
         "paper3_zoa_dann.inputs": BOTH,
         "extra.quantities": (),
+        "extra.baselines": (),
+        "extra.layers": (),
     },
 }
 """Paper -> its studies in the order of running -> profiles of the paper that include them."""

@@ -52,8 +52,6 @@ class Job:
         Share of virtual bearings kept for source validation.
     recipe : Recipe
         Of the simulated windows.
-    embedded : int
-        Windows per domain to embed by t-SNE; 0 for none.
     """
 
     task: str
@@ -64,7 +62,6 @@ class Job:
     criterion: str
     held_out: float
     recipe: Recipe
-    embedded: int = 0
 
 
 @dataclass(frozen=True)
@@ -109,7 +106,7 @@ def train_and_judge(job: Job, measured: Measured) -> dict[str, Any]:
     dict
         ``criteria`` (criterion -> score per checkpoint), ``chosen`` (criterion -> place of its checkpoint),
         ``accuracy`` (target accuracy per checkpoint: known only to the judge), figures of the checkpoint chosen by
-        ``job.criterion`` (confusion, probabilities, recordings right), of training, and the embedding if asked for.
+        ``job.criterion`` (confusion, probabilities, recordings right), and of training.
     """
     trained, held = fit(job, measured.adapt)
     assert held.labels is not None
@@ -141,12 +138,6 @@ def train_and_judge(job: Job, measured: Measured) -> dict[str, Any]:
         "domain_accuracy": [None if np.isnan(c.domain_accuracy) else c.domain_accuracy for c in trained.checkpoints],
         "device": trained.device,
     }
-    if job.embedded:
-        own = spread(len(held), job.embedded), spread(len(labels), job.embedded)
-        features = np.concatenate([evidence[place].source.features[own[0]], judged[place].features[own[1]]])
-        result["embedding"] = embed(features, job.seed)
-        result["embedding_labels"] = np.concatenate([held.labels[own[0]], labels[own[1]]])
-        result["embedding_is_target"] = np.arange(len(features)) >= len(own[0])
     return result
 
 

@@ -59,7 +59,7 @@ def _no_data(monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest) ->
 def config(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("paper3") / "config.toml"
     text = CONFIG.read_text(encoding="utf-8")
-    for name, small in {"checkpoints": 2, "embedded": 24, "records_per_class": 1, "windows_per_record": 2}.items():
+    for name, small in {"checkpoints": 2, "records_per_class": 1, "windows_per_record": 2}.items():
         text = re.sub(rf"(?m)^{name} = \d+", f"{name} = {small}", text)
     path.write_text(text + TINY, encoding="utf-8")
     return path
@@ -236,11 +236,10 @@ def test_whole_run_writes_and_tracks_all(whole: Work) -> None:
         assert (whole.out / "tables" / f"{name}.md").exists()
         table = pd.read_csv(whole.out / "tables" / f"{name}.csv")
         assert set(table["data"]) == {"virtual rig, not CWRU"}, "every row says which data it is of"
-    for name in ("accuracy", "confusion-load_0_to_2", "tsne-load_0_to_2", "spectra"):
-        assert (whole.out / "figures" / f"{name}.png").read_bytes()[:4] == b"\x89PNG"
+    assert (whole.out / "figures" / "spectra.png").read_bytes()[:4] == b"\x89PNG"
     runs = whole.out.parent / "runs"
     logged = {p.relative_to(runs).as_posix() for p in runs.rglob("*")}
-    assert any(p.endswith("twin/twin.toml") for p in logged) and any("figures/accuracy.png" in p for p in logged)
+    assert any(p.endswith("twin/twin.toml") for p in logged) and any("figures/spectra.png" in p for p in logged)
     assert sum(p.endswith("metrics.csv") for p in logged) == 1 + 2 + 4, "task, methods, seeds"
     (twin,) = runs.rglob("twin.toml")
     assert read_twin(twin).model == "contact"
@@ -346,5 +345,5 @@ def test_real_tasks_share_no_recording_and_no_label() -> None:
 def test_the_job_says_all_that_a_training_depends_on() -> None:
     """Nothing of the machine: no path, no device, no number of workers."""
     names = {f.name for f in dataclasses.fields(Job)}
-    assert names == {"task", "view", "method", "seed", "training", "criterion", "held_out", "recipe", "embedded"}
+    assert names == {"task", "view", "method", "seed", "training", "criterion", "held_out", "recipe"}
     assert "device" not in read_toml(CONFIG)["training"]

@@ -17,10 +17,9 @@ from typing import Literal
 import numpy as np
 
 from papers.paper1_rul_varying_speed.methods.degradation import DamageFit, Trajectory, fit_damage, trajectories
-from papers.paper1_rul_varying_speed.methods.healthy import healthy_mode
 from papers.paper1_rul_varying_speed.methods.run import Array, Run, period_rows, planned_speed
 from twingap.errors import TwingapError
-from twingap.identification import HealthyFit
+from twingap.identification import HealthyFit, equation_8, spectra
 from twingap.prognosis.anomaly import Anomaly, AnomalyRule, detect_anomaly
 from twingap.prognosis.speed_influence import SpeedInfluence, fit_speed_influence, normalised_peak_to_peak
 from twingap.records import RecordSet
@@ -130,7 +129,7 @@ def read_mode(records: RecordSet, run: Run, options: Adaptation) -> HealthyFit:
     """Eq. 8 from healthy records of a run."""
     healthy = run.rows_in(options.reference_min)
     places = np.unique(np.linspace(0, healthy - 1, min(options.mode_records, healthy)).round().astype(int))
-    return healthy_mode(records.take(places.tolist()), lowest_hz=options.lowest_mode_hz)
+    return equation_8(spectra(records.take(places.tolist())), lowest_hz=options.lowest_mode_hz)
 
 
 def adapt(run: Run, mode: HealthyFit, options: Adaptation | None = None) -> AdaptiveTwin:

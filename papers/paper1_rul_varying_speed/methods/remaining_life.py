@@ -1,7 +1,6 @@
 """Remaining life in revolutions and in time, when speed varies (eq. 14).
 
 speeds until the end --eq. 14--> remaining revolutions [rows] (labels) --/ speed--> remaining time, at the present speed
-                                                                       --profile--> remaining time, along a planned one
 
 A bearing wears by the revolution: remaining revolutions fall smoothly whatever the speed does, and remaining time jumps
 with it. At constant speed remaining time has slope -1. Source: section 3.6 of paper 1.
@@ -62,39 +61,6 @@ def remaining_time_s(revolutions: ArrayLike, speed_rpm: ArrayLike) -> Array:
     running = speed > 0
     time = 60 * left / np.where(running, speed, 1.0)
     return np.where(running, time, np.where(left > 0, np.inf, 0.0))
-
-
-def revolutions_in(time_s: ArrayLike, speed_rpm: ArrayLike) -> Array:
-    """Revolutions within a time at one speed [...]: the inverse of `remaining_time_s`."""
-    return np.asarray(np.asarray(time_s, float) * np.asarray(speed_rpm, float) / 60)
-
-
-def time_along(revolutions: ArrayLike, speed_rpm: ArrayLike, dt_s: ArrayLike) -> Array:
-    """Time in which a planned speed profile uses up so many revolutions.
-
-    Parameters
-    ----------
-    revolutions : array_like [...]
-        Not negative.
-    speed_rpm : array_like [rows]
-        The plan, each speed held for its `dt_s`; the last goes on for ever.
-    dt_s : float or array_like [rows]
-
-    Returns
-    -------
-    Array [...]
-        s; inf when the plan ends at rest with revolutions left. When they run out at a stop, the time at which it
-        begins.
-    """
-    speed, dt_min = _profile(speed_rpm, dt_s)
-    left = np.asarray(revolutions, float)
-    if (left < 0).any():
-        raise TwingapError("negative", where="remaining revolutions", mend="give 0 or more")
-    turns = np.concatenate(([0.0], np.cumsum(speed * dt_min)))
-    minutes = np.concatenate(([0.0], np.cumsum(dt_min)))
-    # The row within which they run out: the first whose end has seen as many.
-    row = np.clip(np.searchsorted(turns, left, side="left") - 1, 0, speed.size - 1)
-    return minutes[row] * 60 + remaining_time_s(np.maximum(left - turns[row], 0.0), speed[row])
 
 
 def _profile(speed_rpm: ArrayLike, dt_s: ArrayLike) -> tuple[Array, Array]:

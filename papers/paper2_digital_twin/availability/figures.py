@@ -1,6 +1,6 @@
 """Figures of the availability study, in colours that colour-blind readers tell apart (Okabe and Ito 2008).
 
-accuracy over labelled records --> crossing points;  alarms --> severity by recording;  images --> what the network sees
+accuracy over labelled records --> crossing points;  alarms --> severity by recording
 """
 
 from __future__ import annotations
@@ -13,8 +13,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from papers.framework import Work
-from papers.paper2_digital_twin.availability.jobs import baseline_of, strips
-from papers.paper2_digital_twin.availability.records import TITLES, Measured
+from papers.paper2_digital_twin.availability.records import TITLES
 from papers.paper2_digital_twin.availability.split import SPLITS
 from papers.paper2_digital_twin.availability.tables import METHODS, judging
 
@@ -29,8 +28,6 @@ def all_figures(work: Work) -> Iterator[tuple[str, Figure]]:
     accuracy, crossed = (work.tables[f"availability-{name}"] for name in ("accuracy", "crossings"))
     yield "availability-crossings", crossings(accuracy, crossed)
     yield "availability-severity", severity(work)
-    for name, data in work["data"].items():
-        yield f"availability-images-{name}", what_is_seen(work, data)
 
 
 def crossings(accuracy: pd.DataFrame, crossed: pd.DataFrame) -> Figure:
@@ -121,43 +118,4 @@ def severity(work: Work) -> Figure:
             f"{TITLES[name]}: median and middle 80 % of windows unseen by the map; speed rises to the right"
         )
         panel.grid(alpha=0.3, axis="y")
-    return figure
-
-
-def what_is_seen(work: Work, data: Measured) -> Figure:
-    """The lines channel of one recording of each bearing: envelope order by carrier."""
-    image = work.options.image
-    baseline = baseline_of(data, ())
-    first: dict[tuple[int, float], str] = {}
-    for r in data.recordings:
-        first.setdefault((data.labels[r], data.sizes[r]), r)
-    chosen = [first[key] for key in sorted(first)]
-    columns = 4
-    rows = -(-len(chosen) // columns)
-    figure = Figure(figsize=(15, 2.7 * rows + 0.8), layout="constrained")
-    panels = figure.subplots(rows, columns, squeeze=False, sharex=True, sharey=True)
-    carriers = image.carriers_hz(data.fs_hz) / 1000
-    drawn = None
-    for panel in panels.flat[len(chosen) :]:
-        panel.set_visible(False)
-    for panel, r in zip(panels.flat, chosen, strict=False):
-        seen = strips(data, r, baseline, image, 6)[:, 1].mean(axis=0)
-        drawn = panel.pcolormesh(image.orders, carriers, seen, cmap="cividis", vmin=-0.5, vmax=2, shading="nearest")
-        for fault, name in (("outer", "BPFO"), ("inner", "BPFI")):
-            order = data.bearing.fault_order(fault)
-            panel.axvline(order, color=FAULTS[fault], linewidth=1.2, linestyle="--")
-            panel.text(order, carriers[-1], name, color="white", fontsize=10, ha="center", va="top", rotation=90)
-        panel.set_title(f"{data.bearings[r]} ({r})")
-        panel.set_yscale("log")
-        panel.set_yticks([1, 2, 4], ["1", "2", "4"])
-        panel.minorticks_off()
-    for column in range(columns):
-        lowest = panels[(len(chosen) - 1 - column) // columns, column]
-        lowest.set_xlabel("envelope order")
-        lowest.tick_params(labelbottom=True)
-    for panel in panels[:, 0]:
-        panel.set_ylabel("carrier, kHz")
-    if drawn is not None:
-        figure.colorbar(drawn, ax=panels, label="line over floor, log10")
-    figure.suptitle(f"{TITLES[data.name]}: order spectra of scalogram rows")
     return figure

@@ -1,7 +1,7 @@
-"""Figures of the degradation study, counterparts of the paper's figures 13 to 19 and three of its own.
+"""Figures of the degradation study, counterparts of the paper's figures 13 to 19 and one of its own.
 
 raw run --> 13 waveform, 14 spectral kurtosis;  the paper's run --> 15 fusion features, 16 scatter, 17 indicator,
-18 exponential, 19 combined power;  all runs --> errors on later records, remaining life;  simulated runs --> coverage
+18 exponential, 19 combined power;  all runs --> errors on later records
 
 Colours that colour-blind readers tell apart (Okabe and Ito 2008).
 """
@@ -16,7 +16,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from papers.framework import Work
-from papers.paper2_digital_twin.degradation.candidates import HINDSIGHT, Judged
+from papers.paper2_digital_twin.degradation.candidates import Judged
 from papers.paper2_digital_twin.degradation.tables import COMBINED, EXPONENTIALS, Found
 from twingap.prognosis.degradation_figure import LINES
 from twingap.prognosis.degradation_models import MODELS
@@ -42,8 +42,6 @@ def all_figures(work: Work) -> Iterator[tuple[str, Figure]]:
     yield "degradation-18-exponential", fitted(study, EXPONENTIALS)
     yield "degradation-19-combined-power", fitted(study, COMBINED)
     yield "degradation-errors", errors(study)
-    yield "degradation-lives", lives(study)
-    yield "degradation-coverage", coverage(study)
 
 
 def waveform(j: Judged) -> Figure:
@@ -183,65 +181,6 @@ def errors(study: Found) -> Figure:
         panel.set_ylabel("RMSE / range")
     figure.suptitle(f"Errors on all later records, indicator: RMS ({study.data}); beyond {MOST:g} cut off")
     figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=5)
-    return figure
-
-
-def lives(study: Found) -> Figure:
-    """RMS as indicator: remaining life predicted at each tenth, limit known in hindsight, with intervals."""
-    table = study.tables["degradation-lives"]
-    table = table[(table["indicator"] == "rms") & (table["limit"] == HINDSIGHT)]
-    figure, panels = _per_run(study)
-    models = ("exponential with offset", "combined power 3", "combined power 5")
-    highest = 2.0
-    for panel, j in zip(panels, study.runs, strict=False):
-        here = table[table["run"] == j.run.name]
-        shares = np.array([0.0, 1.0])
-        panel.plot(shares, 1 - shares, color="black", lw=1.5, label="true")
-        for place, model in enumerate(models):
-            own = here[here["model"] == model]
-            colour, _ = LINES[model]
-            at = own["share of life"].to_numpy(float) + 0.022 * (place - 1)
-            predicted = own["predicted"].astype(float).fillna(np.inf).clip(upper=highest).to_numpy()
-            low = own["low"].astype(float).fillna(np.inf).clip(upper=highest).to_numpy()
-            high = own["high"].astype(float).fillna(np.inf).clip(upper=highest).to_numpy()
-            panel.vlines(at, low, high, color=colour, lw=2, alpha=0.6)
-            panel.plot(at, predicted, "o^s"[place], color=colour, ms=6, label=model)
-        panel.set_ylim(-0.05, highest + 0.05)
-        panel.set_title(j.run.name)
-        panel.set_xlabel("share of life seen")
-        panel.set_ylabel("remaining / life")
-        panel.grid(color="0.9")
-    level = f"{study.options.interval_level:.0%}"
-    figure.suptitle(
-        f"Remaining life, indicator: RMS, limit: its own end, known in hindsight ({study.data})\n"
-        f"bars: {level} intervals; at {highest:g}: later or never"
-    )
-    figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=4)
-    return figure
-
-
-def coverage(study: Found) -> Figure:
-    """How often intervals hold on simulated runs, right models above, wrong ones below."""
-    table = study.tables["degradation-coverage"]
-    keys = list(dict.fromkeys(zip(table["made with"], table["fitted"], strict=True)))
-    figure = Figure(figsize=(10, 5.2), layout="constrained")
-    panel = figure.subplots()
-    for place, (truth, model) in enumerate(keys):
-        here = table[(table["made with"] == truth) & (table["fitted"] == model)]
-        for memory, marker, colour in ((0.0, "o", TREND), (0.7, "s", MARK)):
-            own = here[here["memory of noise"] == memory]
-            at = len(keys) - 1 - place + (0.12 if memory == 0 else -0.12)
-            label = f"memory of noise {memory:g}" if place == 0 else None
-            panel.plot(own["holds"], np.full(len(own), at), marker, color=colour, ms=8, alpha=0.8, label=label)
-    panel.axvline(study.options.interval_level, color="black", lw=1.2, ls="--", label="stated")
-    names = [t if t == m else f"made with {t},\nfitted {m}" for t, m in keys]
-    panel.set_yticks(range(len(keys)), names[::-1])
-    panel.set_xlim(0, 1)
-    panel.set_xlabel("share of runs whose true remaining life lies in the interval")
-    panel.grid(color="0.9")
-    figure.legend(*panel.get_legend_handles_labels(), loc="outside lower center", ncols=3)
-    runs = int(table["runs"].iloc[0])
-    figure.suptitle(f"Intervals of remaining life on simulated runs: {runs} a point, half, 0.7 and 0.9 of life seen")
     return figure
 
 

@@ -1,6 +1,6 @@
 """Tables of the degradation study.
 
-runs --> runs, features, fusion9, choice;  analyses --> fits, errors, pairs, lives;  coverage;  all --> claims
+runs --> runs, fusion9, choice;  analyses --> fits, errors, pairs, lives;  coverage;  all --> claims
 """
 
 from __future__ import annotations
@@ -74,7 +74,6 @@ def all_tables(work: Work) -> dict[str, pd.DataFrame]:
     found, pair = fits(study), pairs(errors)
     tables = {
         "degradation-runs": runs(study.runs),
-        "degradation-features": features(study.runs),
         "degradation-fusion9": fusion9(study.runs),
         "degradation-choice": choice(study.runs),
         "degradation-fits": found,
@@ -105,20 +104,6 @@ def runs(found: Sequence[Judged]) -> pd.DataFrame:
         }
         for j in found
     ])  # fmt: skip
-
-
-def features(found: Sequence[Judged]) -> pd.DataFrame:
-    """Criteria of every candidate of every run, learnt from the healthy start."""
-    rows = []
-    for j in found:
-        by_suitability = sorted(j.criteria, key=lambda name: -j.criteria[name].suitability)
-        for name, c in j.criteria.items():
-            rows.append({
-                "run": j.run.name, "candidate": name, "monotonicity": c.monotonicity, "trendability": c.trendability,
-                "robustness": c.robustness, "suitability": c.suitability, "sensitivity": c.sensitivity,
-                "rank": by_suitability.index(name) + 1, "of": len(by_suitability),
-            })  # fmt: skip
-    return pd.DataFrame(rows)
 
 
 def fusion9(found: Sequence[Judged]) -> pd.DataFrame:

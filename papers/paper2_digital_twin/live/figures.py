@@ -1,6 +1,6 @@
-"""Figures of the study of live updating: one machine's day, and the spectra at its end.
+"""Figures of the study of live updating: one machine's day.
 
-first machine --> temperature, errors by arm, stiffness and damping against the truth;  last snapshot --> spectra
+first machine --> temperature, errors by arm, stiffness and damping against the truth
 """
 
 from __future__ import annotations
@@ -27,9 +27,7 @@ TRUTH: Final = "#009E73"
 
 def all_figures(work: Work) -> Iterator[tuple[str, Figure]]:
     """Every figure with its name."""
-    first = work["drifting"][0]
-    yield "live-drift", day(first)
-    yield "live-spectra", spectra(first)
+    yield "live-drift", day(work["drifting"][0])
 
 
 def day(first: Result[Scenario]) -> Figure:
@@ -87,20 +85,3 @@ def _parameter(panel: Any, course: Any, arms: Any, name: str, title: str) -> Non
     shown = (truth / reference)[at >= begin]
     panel.set_ylim(0.75 * shown.min(), 1.25 * shown.max())
     panel.legend()
-
-
-def spectra(first: Result[Scenario]) -> Figure:
-    """The last snapshot's amplitude spectrum, and what a frozen and a live twin had expected."""
-    f_hz = np.asarray(first.value["f_hz"]) / 1e3
-    figure = Figure(figsize=(12, 5), layout="constrained")
-    panel = figure.subplots()
-    panel.semilogy(f_hz, first.value["measured"], color=TRUTH, lw=1.1, alpha=0.8, label="measured")
-    for name in ("frozen", "live"):
-        colour, style = LINES[name]
-        panel.semilogy(f_hz, first.value["arms"][name]["predicted"], style, color=colour, lw=2.0, label=name)
-    panel.set_xlabel("frequency (kHz)")
-    panel.set_ylabel("root of the PSD (m/s² per √Hz)")
-    panel.grid(color="0.9", which="both")
-    panel.legend()
-    panel.set_title("The last snapshot of the run, predicted before it is seen (virtual machine)")
-    return figure

@@ -1,6 +1,6 @@
 """Tables of the study of live updating.
 
-drifting machines --> errors (arm x phase), targets, updates, messages, cost;  steady machines --> false alarms
+drifting machines --> errors (arm x phase), targets, messages, cost;  steady machines --> false alarms
 """
 
 from __future__ import annotations
@@ -39,7 +39,6 @@ def all_tables(work: Work) -> dict[str, pd.DataFrame]:
         "live-false-alarms": false_alarms(options, work["steady"]),
         "live-messages": messages(drifting),
         "live-cost": cost(drifting),
-        "live-updates": updates(drifting),
     }
 
 
@@ -157,13 +156,6 @@ def cost(drifting: Sequence[Result[Scenario]]) -> pd.DataFrame:
                 "90 % ms": 1e3 * float(np.quantile(spent, 0.9)), "most ms": 1e3 * float(spent.max()), "data": DATA,
             })  # fmt: skip
     return pd.DataFrame(rows)
-
-
-def updates(drifting: Sequence[Result[Scenario]]) -> pd.DataFrame:
-    """Every update of the first machine's live twin but those by law: when, why, from, to."""
-    frame = pd.DataFrame(drifting[0].value["arms"]["live"]["updates"])
-    shown = frame[frame["kind"] != LAW].drop(columns="seconds")
-    return shown.assign(machine=drifting[0].job.seed, data=DATA).reset_index(drop=True)
 
 
 def _seconds(result: Result[Scenario], arm: str, kind: str) -> list[float]:

@@ -17,12 +17,12 @@ from papers.framework import Work
 from papers.paper3_zoa_dann.comparison.jobs import TaskOutcome
 from papers.paper3_zoa_dann.comparison.tables import CLEAN, confusion_counts, trials
 from papers.paper3_zoa_dann.comparison.trial import ALL, ANALYST, OWN, noise_words
-from papers.paper3_zoa_dann.inputs.figures import CLASS_COLOURS
 
 if TYPE_CHECKING:
     import pandas as pd
 
 
+CLASS_COLOURS: Final = ("#009E73", "#0072B2", "#D55E00", "#CC79A7", "#E69F00")
 GREY, BLUE, ORANGE, GREEN = "#666666", "#0072B2", "#D55E00", "#009E73"
 GROUPS: Final = {
     "no adaptation": ("VMD+SVM", "Non-DA", ANALYST),

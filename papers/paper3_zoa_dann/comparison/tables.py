@@ -113,10 +113,6 @@ def _place(column: pd.Series[Any], order: Sequence[str]) -> pd.Series[Any]:
     return column.map(lambda name: order.index(name) if name in order else len(order))
 
 
-def _clean(runs: pd.DataFrame) -> pd.DataFrame:
-    return runs[runs["main"] & (runs["noise"] == CLEAN)]
-
-
 def _summary(values: Iterable[float], levels: Sequence[float], name: str = "accuracy") -> dict[str, float]:
     """Mean, standard deviation, and Student's intervals over seeds, cut at 0 and 1."""
     held = [float(v) for v in values]

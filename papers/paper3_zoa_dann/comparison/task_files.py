@@ -248,6 +248,11 @@ def material(task: TaskFile, records: RecordSet, available: str, unseen: float |
     return Material(adapt.unlabelled(), evaluate, tuple(dict.fromkeys(str(name) for name in adapted)), judged)
 
 
+def windows_to_adapt_to(task: TaskFile, records: RecordSet, available: str, unseen: float | None) -> Windows:
+    """The windows that `material` adapts to, with their labels: for a reference that is taught by them."""
+    return _windows(split(task, records, unseen)[1], task.available[available], task)[0]
+
+
 def _windows(records: RecordSet, counts: Counts, task: TaskFile) -> tuple[Windows, NDArray[np.str_]]:
     """Windows with so many of each class, shared out over its recordings as evenly as whole numbers go; bearings."""
     parts: list[Windows] = []

@@ -38,7 +38,7 @@ from twingap.adapt import (
     split_by_group,
 )
 from twingap.adapt.fleets import Fleets
-from twingap.adapt.order_forest import MOST_MEMBERS, OrderForest, examples, train_forest
+from twingap.adapt.order_forest import MOST_MEMBERS, Examples, OrderForest, examples, train_forest
 from twingap.adapt.population import Population
 from twingap.records import Condition
 from twingap.twins.twin_file import TwinSpec
@@ -185,7 +185,13 @@ def _by_orders(trial: Trial, evaluate: Windows, adapt: Windows, material: Materi
 
 @lru_cache(maxsize=4)
 def _forest(recipe: Recipe, seed: int) -> OrderForest:
-    """Trees that have seen fleets at the speeds to be judged; path and noise are open, nothing is identified."""
+    """Trees that have seen fleets at the speeds to be judged."""
+    shown = fleet_examples(recipe, seed, max(2, recipe.bearings_per_class * FLEETS_PER_BEARING))
+    return train_forest(shown, recipe.bearing, len(recipe.classes), seed)
+
+
+def fleet_examples(recipe: Recipe, seed: int, count: int) -> Examples:
+    """Windows of `count` fleets at the speeds to be judged; path and noise are open, nothing is identified."""
     conditions = tuple(
         Condition(f"{speed:g}", speed, recipe.fs_hz, 2 * recipe.window_samples) for speed in recipe.speeds_rpm
     )
@@ -193,9 +199,7 @@ def _forest(recipe: Recipe, seed: int) -> OrderForest:
         TwinSpec("phenomenological"), recipe.bearing, "", conditions, frozenset(), 2 * recipe.window_samples
     )
     rng = np.random.default_rng([recipe.seed, seed, 60])
-    count = max(2, recipe.bearings_per_class * FLEETS_PER_BEARING)
-    shown = examples(Fleets(population, MOST_MEMBERS, recipe.classes), count, recipe.window_samples, 2, rng)
-    return train_forest(shown, recipe.bearing, len(recipe.classes), seed)
+    return examples(Fleets(population, MOST_MEMBERS, recipe.classes), count, recipe.window_samples, 2, rng)
 
 
 def _unchosen(told: Any, evaluate: Windows, material: Material) -> dict[str, Any]:

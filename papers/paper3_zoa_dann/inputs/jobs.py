@@ -145,7 +145,6 @@ def _jobs(task: Task, recipe: Recipe, options: Options, sizes: Profile, seed: in
             for i in range(sizes.seeds):
                 yield Job(
                     task.name, view, method, seed + i, training, judging.criterion, judging.held_out, recipe,
-                    judging.embedded if i == 0 else 0,
                 )  # fmt: skip
 
 

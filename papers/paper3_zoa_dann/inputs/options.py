@@ -66,7 +66,6 @@ class JudgingOptions:
     held_out: float
     levels: tuple[float, ...]
     false_alarm: float
-    embedded: int
 
 
 @dataclass(frozen=True)

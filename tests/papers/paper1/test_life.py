@@ -10,15 +10,10 @@ from hypothesis import strategies as st
 from papers.paper1_rul_varying_speed.methods.critical_length import critical_length
 from papers.paper1_rul_varying_speed.methods.degradation import DamageFit, damage, end_row, fit_damage, trajectories
 from papers.paper1_rul_varying_speed.methods.encoding import positional_encoding, sequence_position, speed_position
-from papers.paper1_rul_varying_speed.methods.healthy import healthy_mode, logarithmic_decrement_damping
-from papers.paper1_rul_varying_speed.methods.remaining_life import (
-    remaining_revolutions,
-    remaining_time_s,
-    revolutions_in,
-    time_along,
-)
+from papers.paper1_rul_varying_speed.methods.remaining_life import remaining_revolutions, remaining_time_s
 from twingap.bearing import BEARINGS
 from twingap.errors import TwingapError
+from twingap.identification import equation_8, spectra
 from twingap.prognosis import SpeedInfluence, fit_speed_influence
 from twingap.records import Condition
 from twingap.twins import PhenomenologicalParameters, PhenomenologicalTwin
@@ -53,35 +48,10 @@ def test_equation_14_by_hand_and_as_printed() -> None:
     assert remaining_revolutions(speed, [9.0, 1.0, 2.0]) == pytest.approx([8, 6, 0])
 
 
-@settings(max_examples=40, deadline=None)
-@given(st.lists(st.tuples(st.integers(0, 3000), st.integers(1, 30)), min_size=1, max_size=8), st.floats(0, 1))
-def test_time_along_a_profile_is_direct_integration(plan: list[tuple[int, int]], share: float) -> None:
-    speed, dt = np.array([p[0] for p in plan], float), np.array([p[1] for p in plan], float)
-    total = float(np.sum(speed * dt) / 60)
-    left = share * total
-    time = float(time_along(left, speed, dt))
-    # Revolutions made until then, summed over a thousand short steps a row.
-    edges = np.concatenate(([0.0], np.cumsum(dt)))
-    made = sum(v / 60 * np.clip(time - a, 0, b - a) for v, a, b in zip(speed, edges, edges[1:], strict=False))
-    assert made == pytest.approx(left, rel=1e-9, abs=1e-9)
-    assert 0 <= time <= edges[-1] + 1e-9
-
-
-def test_time_along_goes_on_at_the_last_speed_and_waits_at_a_stop() -> None:
-    assert time_along([10.0, 30.0], [60.0, 120.0], 10.0) == pytest.approx([10.0, 20.0])
-    assert time_along(50.0, [60.0, 120.0], 10.0) == pytest.approx(30.0)
-    assert time_along(15.0, [60.0, 0.0, 60.0], 10.0) == pytest.approx(25.0)
-    assert np.isinf(time_along(11.0, [60.0, 0.0], 10.0))
+def test_a_machine_at_rest_lasts_for_ever() -> None:
     assert np.isinf(remaining_time_s(3.0, 0.0)) and remaining_time_s(0.0, 0.0) == 0
-    with pytest.raises(TwingapError, match="negative"):
-        time_along(-1.0, [60.0], 1.0)
     with pytest.raises(TwingapError, match="per row"):
         remaining_revolutions([60.0, np.nan], 1.0)
-
-
-@given(st.floats(0, 1e6), st.floats(1, 1e4))
-def test_revolutions_and_time_are_inverse(time_s: float, speed_rpm: float) -> None:
-    assert remaining_time_s(revolutions_in(time_s, speed_rpm), speed_rpm) == pytest.approx(time_s)
 
 
 # -- damage -----------------------------------------------------------------------------------------------------------
@@ -194,18 +164,11 @@ def test_positions_of_rows_and_speeds() -> None:
 # -- the healthy mode, and the record's length -----------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("zeta", [0.01, 0.05, 0.3])
-def test_equation_8_of_a_free_decay(zeta: float) -> None:
-    w = 2 * np.pi * 3000
-    period = 2 * np.pi / (w * np.sqrt(1 - zeta**2))
-    x1, x2 = (np.exp(-zeta * w * t) * np.sin(np.sqrt(1 - zeta**2) * w * t) for t in (period / 4, 1.25 * period))
-    assert logarithmic_decrement_damping(x1, x2) == pytest.approx(zeta)
-
-
 def test_the_mode_of_healthy_records_at_several_speeds() -> None:
     own = PhenomenologicalParameters(4000.0, 0.04, structure_noise_rms=0.9, white_noise_rms=np.sqrt(1 - 0.81))
     conditions = [Condition(f"r{i}", 1000.0 + 100 * i, 25600.0, 12800, "healthy") for i in range(6)]
-    fit = healthy_mode(PhenomenologicalTwin(BEARINGS["6205"], own).simulate(conditions, np.random.default_rng(1)))
+    made = PhenomenologicalTwin(BEARINGS["6205"], own).simulate(conditions, np.random.default_rng(1))
+    fit = equation_8(spectra(made))
     assert fit.resonance_hz == pytest.approx(4000, rel=0.03) and fit.damping_ratio == pytest.approx(0.04, rel=0.35)
 
 

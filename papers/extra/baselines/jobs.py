@@ -1,0 +1,233 @@
+"""Shallow domain adaptation by skada on order features, under the protocol of paper 3's comparison.
+
+task --prepared--> cell: adapt (no labels) | judge; recipe
+    source: contact twin | simulated fleets | real labels --order_features--> labelled rows
+    labelled rows + adapt --method, each setting--> label-free choice of the setting --> judge (other recordings)
+
+Tasks, split, windows, identification and criterion are the comparison's. "Real labels" teaches with the true labels of
+the recordings adapted to: no method may do so, and it shows what the features allow at all.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from papers.paper3_zoa_dann.comparison.jobs import Prepared, cells, prepared
+from papers.paper3_zoa_dann.comparison.task_files import Material, windows_to_adapt_to
+from papers.paper3_zoa_dann.comparison.trial import fleet_examples
+from papers.paper3_zoa_dann.inputs.options import read_options as read_common
+from papers.paper3_zoa_dann.source import Recipe, simulate
+from twingap.adapt import CRITERIA, Evidence, Windows
+from twingap.adapt.order_features import names, order_features
+from twingap.adapt.training import Outputs
+from twingap.bearing import Bearing
+from twingap.errors import TwingapError
+
+if TYPE_CHECKING:
+    from papers.framework import Work
+    from twingap.sweep import Result
+
+Array = NDArray[np.float64]
+Labels = NDArray[np.int64]
+
+SOURCES: Final = ("contact twin", "simulated fleets", "real labels")
+PLAIN: Final = "No adaptation"
+SETTINGS: Final[Mapping[str, tuple[Any, ...]]] = {
+    PLAIN: (0.01, 0.1, 1.0),
+    "CORAL": ("auto", 0.1, 0.5),
+    "Subspace alignment": (5, 10, 20),
+    "LinOT": (0.001, 0.01, 0.1),
+    "JDOT": (0.1, 0.5, 0.9),
+}
+"""Method -> settings to choose from without target labels: inverse penalty of the classifier, shrinkage of the
+covariances, components, ridge of the covariances, weight of the labels in the transport's cost."""
+PENALTY: Final = 0.1
+"""Inverse penalty of the logistic regression behind every adaptation; smaller makes flatter probabilities."""
+MOST: Final = 1000
+"""Most source rows; the transport of JDOT takes time in proportion."""
+
+
+@dataclass(frozen=True)
+class Trial:
+    """Every method on a task, taught by one source; `seed` draws the source.
+
+    Parameters
+    ----------
+    task : str
+    unseen : float or None
+        Size whose bearings are left out of adaptation.
+    source : str
+        One of `SOURCES`.
+    seed : int
+    criterion : str
+        Label-free, key of `twingap.adapt.CRITERIA`.
+    recipe : Recipe
+        Of the simulated windows.
+    """
+
+    task: str
+    unseen: float | None
+    source: str
+    seed: int
+    criterion: str
+    recipe: Recipe
+
+
+def trials(ready: Prepared, task: str, criterion: str) -> Iterator[Trial]:
+    """Every source at each seed of a cell."""
+    for seed in ready.cell.seeds:
+        recipe = dataclasses.replace(ready.recipe, seed=seed)
+        for source in SOURCES:
+            yield Trial(task, ready.cell.unseen, source, seed, criterion, recipe)
+
+
+def results(work: Work) -> list[tuple[str, Result[Trial]]]:
+    """Every trial with the title of its data; balanced data, no noise added."""
+    common, size = read_common(), work.size
+    found: list[tuple[str, Result[Trial]]] = []
+    for task, target in work["tasks"]:
+        chosen = [cell for cell in cells(task, size, work.seed) if cell.available == "balanced"]
+        for ready in prepared(work, task, target, common, size, chosen):
+            labelled = windows_to_adapt_to(task, target.records, "balanced", ready.cell.unseen)
+            made = work.sweep(
+                run_trial, trials(ready, task.name, common.judging.criterion),
+                {"material": (ready.material, ready.material.digest), "labelled": (labelled, None)},
+                lambda job: f"{job.task}, {job.source}, unseen {job.unseen}, seed {job.seed}", f"task {task.name}",
+            )  # fmt: skip
+            found += [(target.title, own) for own in made]
+    return found
+
+
+def run_trial(job: Trial, material: Material, labelled: Windows) -> dict[str, dict[str, Any]]:
+    """Fit every method with each of its settings, choose the setting without target labels, judge.
+
+    Parameters
+    ----------
+    job : Trial
+    material : Material
+    labelled : Windows
+        Those adapted to, with labels: for the source "real labels" alone, from which nothing is adapted.
+
+    Returns
+    -------
+    dict
+        Method -> `scores` of all judged windows with ``oracle``, the accuracy of the best setting by target labels;
+        ``unseen``, the same of bearings that were not adapted to (None without any); ``setting``, the one chosen.
+    """
+    bearing, real = job.recipe.bearing, job.source == "real labels"
+    rows, labels = _rows(labelled, bearing) if real else _simulated(job.source, job.recipe)
+    target, truth = order_features(material.adapt, bearing), material.evaluate.labels
+    judged, seen, rule = order_features(material.evaluate, bearing), material.unseen, CRITERIA[job.criterion]
+    assert truth is not None
+    found: dict[str, dict[str, Any]] = {}
+    for method in (PLAIN,) if real else SETTINGS:
+        fitted = [adapted(method, setting, rows, labels, target) for setting in SETTINGS[method]]
+        evidence = [Evidence(_outputs(each, rows), labels, _outputs(each, target)) for each in fitted]
+        place = int(np.argmax([rule(own) for own in evidence]))
+        # Only from here on are target labels looked at.
+        told = [each(judged) for each in fitted]
+        found[method] = _at(place, told, truth) | {
+            "unseen": _at(place, [p[seen] for p in told], truth[seen]) if seen.any() else None,
+            "setting": str(SETTINGS[method][place]),
+        }
+    return found
+
+
+def _at(place: int, told: Sequence[Array], truth: Labels) -> dict[str, Any]:
+    every = [scores(probabilities, truth) for probabilities in told]
+    return every[place] | {"oracle": max(own["accuracy"] for own in every)}
+
+
+def adapted(method: str, setting: Any, rows: Array, labels: Labels, target: Array) -> Callable[[Array], Array]:
+    """Fit one method: a function from target rows to probabilities [rows, classes].
+
+    Parameters
+    ----------
+    method, setting
+        Key of `SETTINGS`, and one of its values.
+    rows, labels : arrays [source rows, features], [source rows]
+    target : Array [target rows, features]
+        Unlabelled.
+
+    Raises
+    ------
+    TwingapError
+        Without skada.
+    """
+    import sklearn
+    from sklearn.linear_model import LogisticRegression
+    from sklearn.pipeline import make_pipeline
+    from sklearn.preprocessing import StandardScaler
+
+    if method == PLAIN:
+        model = make_pipeline(StandardScaler(), LogisticRegression(C=setting, max_iter=2000)).fit(rows, labels)
+        return lambda x: np.asarray(model.predict_proba(x))
+    with sklearn.config_context(
+        enable_metadata_routing=True
+    ):  # skada changes scikit-learn's settings for the whole process
+        try:
+            import skada
+        except ModuleNotFoundError:
+            raise TwingapError(f"{method} needs skada", mend='pip install "twingap[papers]"') from None
+        base = LogisticRegression(C=PENALTY, max_iter=2000)
+        adapter = {
+            "CORAL": lambda: (skada.CORALAdapter(reg=setting), base),
+            "Subspace alignment": lambda: (
+                skada.SubspaceAlignmentAdapter(min(setting, *target.shape), random_state=0),
+                base,
+            ),
+            "LinOT": lambda: (skada.LinearOTMappingAdapter(reg=setting), base),
+            "JDOT": lambda: (skada.JDOTClassifier(base, alpha=setting),),
+        }[method]()
+        pipeline = skada.make_da_pipeline(StandardScaler(), *adapter)
+        domain = np.repeat([1, -2], [len(rows), len(target)])
+        masked = np.concatenate([labels, np.full(len(target), -1)])
+        pipeline.fit(np.concatenate([rows, target]), masked, sample_domain=domain)
+
+    def probabilities(x: Array) -> Array:
+        with sklearn.config_context(enable_metadata_routing=True):
+            return np.asarray(pipeline.predict_proba(x))
+
+    return probabilities
+
+
+def scores(probabilities: Array, labels: Labels) -> dict[str, float]:
+    """Accuracy, macro-F1 and macro-AUROC (one against the rest), over the classes that are among the labels."""
+    from sklearn.metrics import f1_score, roc_auc_score
+
+    present, predicted = np.unique(labels), probabilities.argmax(axis=1)
+    return {
+        "accuracy": float(np.mean(predicted == labels)),
+        "macro_f1": float(f1_score(labels, predicted, labels=present, average="macro", zero_division=0)),
+        "auroc": float(np.mean([roc_auc_score(labels == c, probabilities[:, c]) for c in present])),
+    }
+
+
+def _outputs(probabilities: Callable[[Array], Array], rows: Array) -> Outputs:
+    told = np.log(np.maximum(probabilities(rows), 1e-12)).astype(np.float32)
+    return Outputs(told, rows.astype(np.float32))
+
+
+@lru_cache(maxsize=4)
+def _simulated(source: str, recipe: Recipe) -> tuple[Array, Labels]:
+    """Labelled rows of simulated machines, at most `MOST`."""
+    rng = np.random.default_rng([recipe.seed, 62])
+    if source == "simulated fleets":
+        shown = fleet_examples(recipe, recipe.seed, recipe.bearings_per_class)
+        chosen = rng.permutation(len(shown))[:MOST]
+        return shown.features[chosen, : len(names(recipe.bearing))], shown.labels[chosen]
+    windows = simulate(recipe)
+    windows = windows.take(rng.permutation(len(windows))[:MOST])
+    return _rows(windows, recipe.bearing)
+
+
+def _rows(windows: Windows, bearing: Bearing) -> tuple[Array, Labels]:
+    assert windows.labels is not None
+    return order_features(windows, bearing), windows.labels

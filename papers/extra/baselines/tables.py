@@ -1,0 +1,71 @@
+"""Tables of the study of shallow baselines: a row per trial; means by data set, source and method; paired tests."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import pandas as pd
+
+from papers.extra.baselines.jobs import PLAIN, Trial
+from papers.framework import Work
+from papers.paper3_zoa_dann.significance import holm, sign_flip
+from twingap.sweep import Result
+
+MEASURES = ("accuracy", "oracle", "macro_f1", "auroc")
+CELL = ["data", "source", "method"]
+
+
+def all_tables(work: Work) -> dict[str, pd.DataFrame]:
+    """Every table by name."""
+    rows = table(work["results"])
+    return {"baselines": rows, "baselines-mean": means(rows), "baselines-tests": tests(rows)}
+
+
+def table(found: Sequence[tuple[str, Result[Trial]]]) -> pd.DataFrame:
+    """A row per trial and held-out unit: recordings (all windows), bearings (those of bearings not adapted to)."""
+    rows = []
+    for data, own in found:
+        job = own.job
+        for method, value in own.value.items():
+            about = {"data": data, "task": job.task, "source": job.source, "method": method, "seed": job.seed}
+            # Tasks B leave bearings out in every trial; tasks A in trials of their own.
+            parts = {"recordings": value} if job.unseen is None or job.task.startswith("B") else {}
+            parts |= {"bearings": value["unseen"]} if value["unseen"] else {}
+            for held_out, values in parts.items():
+                measured = {name: values[name] for name in MEASURES}
+                rows.append(about | {"held_out": held_out} | measured | {"setting": value["setting"]})
+    return pd.DataFrame(rows)
+
+
+def means(rows: pd.DataFrame) -> pd.DataFrame:
+    """Means over tasks and seeds, with the deviation over seeds of the mean over tasks."""
+    out = []
+    for (held_out, *cell), own in rows.groupby(["held_out", *CELL], sort=False):
+        by_seed = own.groupby("seed")["accuracy"].mean()
+        out.append(
+            {"held_out": held_out, **dict(zip(CELL, cell, strict=True)), "trials": len(own)}
+            | {name: own[name].mean() for name in MEASURES}
+            | {"accuracy_std": by_seed.std()}
+        )
+    return pd.DataFrame(out)
+
+
+def tests(rows: pd.DataFrame) -> pd.DataFrame:
+    """Each method against none, by pairs of task and seed: sign flips, corrected by Holm within a source."""
+    out = []
+    for (held_out, data, source), own in rows.groupby(["held_out", "data", "source"], sort=False):
+        pairs = own.pivot_table(index=["task", "seed"], columns="method", values="accuracy", sort=False)
+        found = []
+        for method in [name for name in pairs.columns if name != PLAIN]:
+            gain = (pairs[method] - pairs[PLAIN]).dropna()
+            found.append(
+                {
+                    "held_out": held_out, "data": data, "source": source, "method": method, "pairs": len(gain),
+                    "gain": 100 * gain.mean(), "won": int((gain > 0).sum()), "lost": int((gain < 0).sum()),
+                    "p": sign_flip(np.asarray(gain)),
+                }
+            )  # fmt: skip
+        for row, corrected in zip(found, holm([row["p"] for row in found]), strict=True):
+            out.append({**row, "p_holm": corrected})
+    return pd.DataFrame(out)

@@ -1,0 +1,187 @@
+"""What the layers of paper 3's network keep of the classes.
+
+task --prepared--> source (labelled), adapt, judge --train--> network --each layer--> level, modulation of each channel
+    probe taught by simulated windows --+
+    probe taught by true labels --------+--> windows of the judged recordings called right, by class
+    every checkpoint ------------------------> the same
+
+A linear probe (Alain and Bengio 2016, arXiv:1610.01644) that is taught by true labels says whether a layer still holds
+the classes; taught by simulated windows it says how much of that simulation can teach.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from papers.paper3_zoa_dann.comparison.jobs import Cell, kept_modes, prepared
+from papers.paper3_zoa_dann.comparison.jobs import read_options as read_comparison
+from papers.paper3_zoa_dann.comparison.task_files import Material, load_recordings, read_task, windows_to_adapt_to
+from papers.paper3_zoa_dann.inputs.options import read_options as read_common
+from papers.paper3_zoa_dann.source import Recipe, simulate
+from twingap.adapt import METHODS, Fitted, ModeInputs, Training, Windows, fit
+from twingap.errors import TwingapError
+
+if TYPE_CHECKING:
+    from papers.framework import Work
+    from twingap.sweep import Result
+
+Array = NDArray[np.float64]
+LAYERS: Final = (
+    "denoising.branches", "denoising.fusion", "denoising.gate", "lift", "attention", "feed_forward",
+)  # fmt: skip
+"""Layers that are probed, in the order of the network; a method has some of them."""
+BATCH: Final = 128
+
+
+@dataclass(frozen=True)
+class Size:
+    """How much is run; explained in config.toml."""
+
+    tasks: tuple[str, ...]
+    seeds: int
+    steps: int
+    bearings_per_class: int
+    records_per_bearing: int
+    evaluations: int
+    rig_duration_s: float
+
+
+@dataclass(frozen=True)
+class Options:
+    """The study; explained in config.toml."""
+
+    methods: tuple[str, ...]
+    profiles: dict[str, Size]
+
+
+@dataclass(frozen=True)
+class Trial:
+    """One training and the probes of its layers."""
+
+    task: str
+    method: str
+    seed: int
+    training: Training
+    inputs: ModeInputs
+    held_out: float
+    criterion: str
+    recipe: Recipe
+
+
+def check(options: Options, path: Path) -> None:
+    """Refuse methods that there are none of, or that have no network."""
+    for name in options.methods:
+        if name not in METHODS or METHODS[name].architecture is None:
+            raise TwingapError(
+                f"no network {name!r}", where=f"{path}: methods", mend=f"use some of {', '.join(METHODS)}"
+            )
+
+
+def results(work: Work) -> list[tuple[str, Result[Trial]]]:
+    """Every trial, with the title of its data; all bearings adapted to, balanced data."""
+    comparison, common, size = read_comparison(), read_common(), work.size
+    training = dataclasses.replace(comparison.training, steps=size.steps)
+    seeds = tuple(range(work.seed, work.seed + size.seeds))
+    found: list[tuple[str, Result[Trial]]] = []
+    for name in size.tasks:
+        task = read_task(name)
+        if (target := load_recordings(task, work.root, common.target, size.rig_duration_s)) is None:
+            work.missing = (*work.missing, name)
+            continue
+        unseen = None if task.same_bearings else task.unseen(work.seed)
+        for ready in prepared(work, task, target, common, size, [Cell("balanced", unseen, seeds, ())]):
+            labelled = windows_to_adapt_to(task, target.records, "balanced", unseen)
+            jobs = [
+                Trial(name, method, seed, training, comparison.inputs, common.judging.held_out,
+                      common.judging.criterion, ready.recipe)
+                for seed in seeds for method in work.options.methods
+            ]  # fmt: skip
+            with kept_modes(work.out) as modes:
+                inputs = {
+                    "material": (ready.material, ready.material.digest), "labelled": (labelled, None),
+                    "modes": (modes, None),
+                }  # fmt: skip
+                made = work.sweep(probe, jobs, inputs, lambda job: f"{job.task}, {job.method}, seed {job.seed}")
+            found += [(target.title, own) for own in made]
+    work.title = ", ".join(dict.fromkeys(title for title, _ in found))
+    return found
+
+
+def probe(job: Trial, material: Material, labelled: Windows, modes: Path | None = None) -> dict[str, Any]:
+    """Train, and see what each layer and each checkpoint make of the judged windows.
+
+    Returns
+    -------
+    dict
+        ``checkpoints``, a list, and ``layers``, by name: "simulated" and "true labels" of each, shares of the judged
+        windows called right by class; ``chosen``, the place of the checkpoint chosen without labels.
+    """
+    source, truth = simulate(job.recipe), material.evaluate.labels
+    assert source.labels is not None and labelled.labels is not None and truth is not None
+    inputs = dataclasses.replace(job.inputs, cache=modes)
+    fitted = fit(
+        job.method, source, material.adapt, job.seed, n_classes=len(job.recipe.classes), settings=job.training,
+        inputs=inputs, held_out=job.held_out, criterion=job.criterion, device="cpu",
+    )  # fmt: skip
+    held = [dict(_layers(fitted, inputs(windows))) for windows in (source, material.adapt, material.evaluate)]
+    simulated, known, judged = held
+    return {
+        "chosen": fitted.place,
+        "checkpoints": [
+            _right(fitted.predict_proba(material.evaluate, place).argmax(axis=1), truth)
+            for place in range(fitted.checkpoints)
+        ],
+        "layers": {
+            name: {
+                "simulated": _right(_probe(simulated[name], source.labels)(judged[name]), truth),
+                "true labels": _right(_probe(known[name], labelled.labels)(judged[name]), truth),
+            }
+            for name in judged
+        },
+    }
+
+
+def _layers(fitted: Fitted, x: NDArray[np.float32]) -> Iterator[tuple[str, Array]]:
+    """Rows of features of the modes and of each layer [windows, features]."""
+    import torch
+
+    yield "modes", _rows(x)
+    assert fitted.trained is not None
+    net = fitted.trained.network(fitted.place)
+    seen: dict[str, list[NDArray[np.float32]]] = {name: [] for name in LAYERS}
+    for name, part in net.named_modules():
+        if (own := name.removeprefix("extractor.")) in seen:
+            part.register_forward_hook(lambda _, given, made, own=own: seen[own].append(made.numpy()))
+    with torch.no_grad():
+        for begin in range(0, len(x), BATCH):
+            net(torch.from_numpy(x[begin : begin + BATCH]))
+    yield from ((name, _rows(np.concatenate(parts))) for name, parts in seen.items() if parts)
+
+
+def _rows(maps: NDArray[np.float32]) -> Array:
+    """ln RMS and ln depth of modulation of each channel; features as they are, in logarithms."""
+    x = maps.astype(np.float64)
+    if x.ndim == 2:
+        return np.asarray(np.log(x + 1e-2))
+    depth = (x.std(axis=2) + 1e-6) / (np.abs(x).mean(axis=2) + 1e-6)
+    return np.hstack([np.log(np.sqrt((x**2).mean(axis=2)) + 1e-6), np.log(depth)])
+
+
+def _probe(rows: Array, labels: NDArray[np.int64]) -> Any:
+    from sklearn.linear_model import LogisticRegression
+    from sklearn.pipeline import make_pipeline
+    from sklearn.preprocessing import StandardScaler
+
+    return make_pipeline(StandardScaler(), LogisticRegression(C=0.1, max_iter=500)).fit(rows, labels).predict
+
+
+def _right(called: NDArray[np.int64], truth: NDArray[np.int64]) -> list[float]:
+    """Share of the windows of each class that are called right."""
+    return [float(np.mean(called[truth == c] == c)) for c in np.unique(truth)]
