@@ -2,7 +2,7 @@
 
 records (labels dropped) --likely speeds--> windows --features--> trees that ship with twingap (`order_classifier`)
                                                |  or --------> a network trained for this twin (`network_classifier`)
-               probabilities --mean over windows and speeds, temperature--> class, confidence
+     probabilities --mean over windows and speeds, temperature--> --lines of whole records (trees)--> class, confidence
 
 The trees read lines at the bearing's orders and levels over the quietest record. They have learnt from simulated fleets
 of random machines (`twingap.adapt.train_classifier`) and need of the user's machine its bearing and speeds only. A
@@ -15,7 +15,7 @@ no unlabelled record can show (`twingap gap` reports what the twin lacks).
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -50,7 +50,7 @@ class Classified:
     temperature : float
         That calibrated them.
     simulated : Reliability
-        Of simulated machines that were neither trained nor selected on.
+        Of simulated machines that were neither trained nor selected on; of the trees without lines of whole records.
     window_samples : int
     notes : tuple[str, ...]
         For people.
@@ -157,8 +157,10 @@ def classify(
         trees = shipped_classifier()
         rows, weights = rows_at_speeds(cut(records, length, options.windows), speeds, bearing)
         probabilities = trees.predict_proba(rows, weights)[:, np.searchsorted(trees.classes_, CLASSES)]
-        probabilities = weighed_by_lines(probabilities, speeds)
         assert trees.calibration_ is not None and trees.reliability_ is not None
+        if speeds.lines is not None:
+            bounded = replace(trees.calibration_, temperature=1.0)
+            probabilities = bounded(weighed_by_lines(probabilities, speeds))
         found = probabilities, trees.calibration_.temperature, trees.reliability_
     return Classified(tuple(c.name for c in records.conditions), CLASSES, *found, length, tuple(notes))
 

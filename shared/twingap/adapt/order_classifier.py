@@ -123,10 +123,9 @@ def weighed_by_lines(probabilities: Array, speeds: SpeedProbabilities) -> Array:
     ----------
     probabilities : Array [records, classes]
     speeds : SpeedProbabilities
-        Of the records.
+        Of the records, with their lines.
     """
-    if speeds.lines is None:
-        return probabilities
+    assert speeds.lines is not None
     places = [CLASSES.index(fault) for fault in FAULTS]
     faulty = probabilities[:, places]
     weighed = faulty * np.exp(LINE_WEIGHT * (speeds.lines - speeds.lines.max(axis=1, keepdims=True)))
