@@ -60,7 +60,7 @@ def test_every_method_has_a_number_at_every_cut(root: Path, tmp_path: Path) -> N
     assert set(means["method"]) == set(jobs.METHODS) and len(every) == len(ROWS) * len(jobs.METHODS)
     assert (every["no_number"] == 0).all() and every["score"].between(0, 1).all()
     by_method = means.set_index("method")["score_band_known"]
-    assert by_method[jobs.OURS] > by_method[jobs.EXPONENTIAL]
+    assert by_method[jobs.OURS] > by_method[jobs.SHARE]
     # As the estimator itself gives it, row by row.
     name, runs, cuts = "Bearing2_1", work["runs"], work["cuts"]
     others = {n: other for n, other in runs.items() if n != name}

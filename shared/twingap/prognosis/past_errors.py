@@ -1,7 +1,7 @@
 """Errors of past intervals of remaining life on runs that have ended, and the widening of future intervals.
 
 estimates and end of a run --errors--> error over half width [rows];  errors of several runs --widening--> factor
-factor --widened--> intervals of the next run
+factor --Prior--> intervals of the next run
 
 Intervals are calibrated on simulated runs, but real runs may follow other growth laws. As in conformal prediction (Lei
 et al. 2018, DOI 10.1080/01621459.2017.1307116), the errors on runs that have ended give a correction. The exchangeable
@@ -125,13 +125,3 @@ def widening(runs: Sequence[Sequence[float] | Array]) -> float:
     order = np.argsort(size, kind="stable")
     place = int(np.searchsorted(np.cumsum(weight[order]), _LEVEL))
     return float(np.clip(size[order][min(place, size.size - 1)], *_BOUNDS))
-
-
-def widened(interval: Interval, factor: float, unit: float) -> Interval:
-    """Interval (low, median, high) with its ends `factor` times as far from the median in logarithms."""
-    low, middle, high = (np.log(v + unit) for v in interval)
-    return (
-        max(float(np.exp(middle - factor * (middle - low))) - unit, 0.0),
-        interval[1],
-        max(float(np.exp(middle + factor * (high - middle))) - unit, interval[1]),
-    )
