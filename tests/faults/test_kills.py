@@ -45,24 +45,20 @@ SIMULATE = ("--fs-hz", 8000, "--duration-s", 0.25)
 COMMANDS = {
     "simulate": Command(
         lambda at: ["simulate", at / "twin.toml", "--records", at / "table.csv", *SIMULATE, "--out", "new/sim"],
-        "new/sim", (4, 18),
+        "new/sim", (4, 20),
     ),
     "import": Command(
         lambda at: ["import", at / "exports", "--names", "{fault}_{speed_rpm:d}.csv", "--out", "new/set"],
-        "new/set", (4, 18),
+        "new/set", (4, 20),
     ),
     "gap": Command(
         lambda at: ["gap", at / "set", "--twin", at / "twin.toml", "--out", "new/gap", "--quick", "--no-track"],
-        "new/gap", (0, 18),
+        "new/gap", (0, 20),
     ),
     "fleet": Command(
         lambda at: ["fleet", at / "fleet", "--twin", at / "twin.toml", "--out", "new/fleet", "--quick", "--no-track",
                     "--jobs", 1],
-        "new/fleet", (0, 18), resumes=True,
-    ),
-    "train": Command(
-        lambda at: ["train", "--machines", 20, "--jobs", 1, "--out", "new/learnt"], "new/learnt", (0, 8),
-        parts=("learnt/", "classifier/"), resumes=True,
+        "new/fleet", (0, 20), resumes=True,
     ),
     "study": Command(
         lambda at: ["study", "blind", "--cases", 6, "--rival-worlds", 0, "--jobs", 1, "--no-track", "--out",
