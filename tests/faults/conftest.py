@@ -10,7 +10,7 @@ import os
 import shutil
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -147,25 +147,39 @@ def small_disk(folder: Path, kilobytes: int) -> Iterator[Callable[[], None]]:
         subprocess.run(["umount", "-l", str(folder)], check=True)
 
 
-def tree(folder: Path) -> dict[str, bytes]:
-    """Content of all files below a folder that are not hidden, by relative path; run times are left out."""
+def tree(folder: Path, parts: Sequence[str] = ("",)) -> dict[str, bytes]:
+    """Content of all files below a folder that are not hidden, by relative path; run times are left out.
+
+    Parameters
+    ----------
+    folder : Path
+    parts : sequence of str
+        Beginnings of the paths that count.
+    """
     found = {}
     for path in sorted(folder.rglob("*")):
         name = path.relative_to(folder)
-        if path.is_file() and not any(part.startswith(".") for part in name.parts):
+        visible = not any(part.startswith(".") for part in name.parts)
+        if path.is_file() and visible and name.as_posix().startswith(tuple(parts)):
             found[name.as_posix()] = _without_run_time(path)
     return found
 
 
+_VARYING: Final = ("runtime_s", "diagnosis_s", "computed_s", "peak_mb", "seconds", "command")
+"""Keys of JSON files that differ between two runs."""
+
+
 def _without_run_time(path: Path) -> bytes:
     content = path.read_bytes()
-    if path.suffix != ".json":
-        return content
-    table = json.loads(content)
-    if isinstance(table, dict) and isinstance(table.get("provenance"), dict):
-        for key in ("runtime_s", "diagnosis_s", "computed_s"):
-            table["provenance"].pop(key, None)
-    return json.dumps(table).encode()
+    return json.dumps(_same(json.loads(content))).encode() if path.suffix == ".json" else content
+
+
+def _same(value: Any) -> Any:
+    """A JSON value without run times and what is computed from them."""
+    if isinstance(value, dict):
+        timed = str(value.get("score", "")).startswith(("runtime", "peak memory"))
+        return {} if timed else {key: _same(item) for key, item in value.items() if key not in _VARYING}
+    return [_same(item) for item in value] if isinstance(value, list) else value
 
 
 def hidden(folder: Path) -> list[str]:

@@ -74,4 +74,4 @@ def test_two_runs_in_one_folder(twingap: Forks, inputs: Path, tmp_path: Path, na
     assert 0 in {one.status for one in ended.values()}
     for one in ended.values():
         assert one.status == 0 or one.refused()
-    assert tree(tmp_path / command.out) == tree(tmp_path / "alone" / command.out)
+    assert tree(tmp_path / command.out, command.parts) == tree(tmp_path / "alone" / command.out, command.parts)
