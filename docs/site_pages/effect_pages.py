@@ -16,8 +16,8 @@ HEAD = """# Catalogue of effects
 Every modelling choice of a {term}`twin` is one {term}`effect`. An effect acts in one of five stages, in this order:
 shaft angle, excitation, path, disturbance, acquisition. Effects of one group stand in for each other: where single
 names are uncertain, a diagnosis names the group. Amplitudes are in multiples of {term}`healthy rms`. Effects marked ○
-have no detector: they are parts of the {term}`closest twin`, and three of them are also named where they close a good part of
-the gap.
+have no detector: they are parts of the {term}`closest twin`, and three of them are also named where they close a good
+part of the gap.
 
 `twingap effects` prints this list, `twingap effects NAME` one effect.
 [Write an effect](../how-to/write-an-effect.md) shows how to add one.

@@ -169,15 +169,14 @@ def adapted(method: str, setting: Any, rows: Array, labels: Labels, target: Arra
     if method == PLAIN:
         model = make_pipeline(StandardScaler(), LogisticRegression(C=setting, max_iter=2000)).fit(rows, labels)
         return lambda x: np.asarray(model.predict_proba(x))
-    with sklearn.config_context(
-        enable_metadata_routing=True
-    ):  # skada changes scikit-learn's settings for the whole process
+    # skada changes scikit-learn's settings for the whole process.
+    with sklearn.config_context(enable_metadata_routing=True):
         try:
             import skada
         except ModuleNotFoundError:
             raise TwingapError(f"{method} needs skada", mend='pip install "twingap[papers]"') from None
         base = LogisticRegression(C=PENALTY, max_iter=2000)
-        adapter = {
+        adapters: dict[str, Callable[[], tuple[Any, ...]]] = {
             "CORAL": lambda: (skada.CORALAdapter(reg=setting), base),
             "Subspace alignment": lambda: (
                 skada.SubspaceAlignmentAdapter(min(setting, *target.shape), random_state=0),
@@ -185,8 +184,8 @@ def adapted(method: str, setting: Any, rows: Array, labels: Labels, target: Arra
             ),
             "LinOT": lambda: (skada.LinearOTMappingAdapter(reg=setting), base),
             "JDOT": lambda: (skada.JDOTClassifier(base, alpha=setting),),
-        }[method]()
-        pipeline = skada.make_da_pipeline(StandardScaler(), *adapter)
+        }
+        pipeline = skada.make_da_pipeline(StandardScaler(), *adapters[method]())
         domain = np.repeat([1, -2], [len(rows), len(target)])
         masked = np.concatenate([labels, np.full(len(target), -1)])
         pipeline.fit(np.concatenate([rows, target]), masked, sample_domain=domain)

@@ -66,6 +66,6 @@ def tests(rows: pd.DataFrame) -> pd.DataFrame:
                     "p": sign_flip(np.asarray(gain)),
                 }
             )  # fmt: skip
-        for row, corrected in zip(found, holm([row["p"] for row in found]), strict=True):
+        for row, corrected in zip(found, holm([float(str(row["p"])) for row in found]), strict=True):
             out.append({**row, "p_holm": corrected})
     return pd.DataFrame(out)

@@ -233,9 +233,11 @@ def files(work: Work) -> Inputs:
 
 def measured(work: Work) -> dict[str, Measured]:
     """Every run's features and times."""
-    names = ("features", "time_s", "speed_rpm")
-    found = {r.job.bearing: r.value for r in work["features"]}
-    return {n: Measured(*(np.asarray(v[k], float) for k in names), v["load_n"]) for n, v in found.items()}
+    found = {}
+    for result in work["features"]:
+        features, time_s, speed_rpm = (np.asarray(result.value[k], float) for k in ("features", "time_s", "speed_rpm"))
+        found[result.job.bearing] = Measured(features, time_s, speed_rpm, result.value["load_n"])
+    return found
 
 
 def predictions(work: Work) -> Iterator[Prediction]:
