@@ -233,9 +233,13 @@ def files(work: Work) -> Inputs:
 
 def measured(work: Work) -> dict[str, Measured]:
     """Every run's features and times."""
-    names = ("features", "time_s", "speed_rpm")
-    found = {r.job.bearing: r.value for r in work["features"]}
-    return {n: Measured(*(np.asarray(v[k], float) for k in names), v["load_n"]) for n, v in found.items()}
+    return {r.job.bearing: measured_of(r.value) for r in work["features"]}
+
+
+def measured_of(value: dict[str, Any]) -> Measured:
+    """A run of what `take_features` returns."""
+    features, time_s, speed_rpm = (np.asarray(value[k], float) for k in ("features", "time_s", "speed_rpm"))
+    return Measured(features, time_s, speed_rpm, value["load_n"])
 
 
 def predictions(work: Work) -> Iterator[Prediction]:

@@ -194,8 +194,8 @@ def follow(
     if life.end_row is not None:
         notes.append(f"{REACHED} at record {run.rows[life.end_row].name!r}: remaining life is 0 from there on")
     outcome = outcome_of(run.name, life, estimates, lived, frozenset(fingerprints), run.load_n())
-    names = [None if place is None else run.rows[place].name for place in (life.alarm_row, life.onset_row)]
-    return Followed(run, tuple(estimates), tuple(notes), outcome, names[0], names[1])
+    alarm, onset = (None if place is None else run.rows[place].name for place in (life.alarm_row, life.onset_row))
+    return Followed(run, tuple(estimates), tuple(notes), outcome, alarm, onset)
 
 
 def _clipping(clipped: Sequence[tuple[int, str, int]], censored: int) -> str:

@@ -93,7 +93,7 @@ class Prior:
         logs = np.array([np.interp(asked, own / own[-1], z) for own in cumulated])
         middle = logs[:, -1:]
         logs = middle + self.joined_widening * (logs[:, :-1] - middle)
-        return np.maximum(np.exp(logs) - per_row / 2, 0.0)
+        return np.asarray(np.maximum(np.exp(logs) - per_row / 2, 0.0))
 
     def log_density(self, growth: Array, lived: Array, since_onset: Array, per_row: float, left: Array) -> Array:
         """Logarithm of the density of log remaining life at true values [rows], by the product before widening."""
