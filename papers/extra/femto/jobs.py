@@ -233,11 +233,13 @@ def files(work: Work) -> Inputs:
 
 def measured(work: Work) -> dict[str, Measured]:
     """Every run's features and times."""
-    found = {}
-    for result in work["features"]:
-        features, time_s, speed_rpm = (np.asarray(result.value[k], float) for k in ("features", "time_s", "speed_rpm"))
-        found[result.job.bearing] = Measured(features, time_s, speed_rpm, result.value["load_n"])
-    return found
+    return {r.job.bearing: measured_of(r.value) for r in work["features"]}
+
+
+def measured_of(value: dict[str, Any]) -> Measured:
+    """A run of what `take_features` returns."""
+    features, time_s, speed_rpm = (np.asarray(value[k], float) for k in ("features", "time_s", "speed_rpm"))
+    return Measured(features, time_s, speed_rpm, value["load_n"])
 
 
 def predictions(work: Work) -> Iterator[Prediction]:

@@ -137,7 +137,7 @@ def lives(work: Work) -> pd.DataFrame:
         rpm, load_n = CONDITIONS[name[len("Bearing")]]
         known[name] = (end * SNAPSHOT_S * rpm / 60, load_n)
     learning = {name: (run.life, run.load_n) for name, run in work["runs"].items()}
-    every, twelve = learning | known, np.linspace(band[0], band[1], 12).tolist()
+    every, twelve = learning | known, np.linspace(band[0], band[1], 12)
     asked = [("challenge", name, [cut / end], learning) for name, (cut, end) in work.options.test.items()]
     asked += [("each from 16 others", n, twelve, {m: v for m, v in every.items() if m != n}) for n in every]
     rows = []

@@ -219,9 +219,7 @@ def femto_records(asked: Asked, root: str | None) -> RecordSet:
     places: list[int] = []
     for bearing in asked.bearings:
         own = [i for i, c in enumerate(every.conditions) if c.group == bearing]
-        rows = femto.take_features(femto.Features(bearing), root=root)
-        features, time_s, speed_rpm = (np.asarray(rows[k], float) for k in ("features", "time_s", "speed_rpm"))
-        run = femto.Measured(features, time_s, speed_rpm)
+        run = femto.measured_of(femto.take_features(femto.Features(bearing), root=root))
         alarm = femto.followed(run, OnlineLife()).alarm_row or len(own) - 1
         begin, end = (0, alarm) if asked.stage == BEFORE_ALARM else (alarm, len(own))
         places += [own[begin + int(k)] for k in spread(end - begin, RECORDS // len(asked.bearings))]

@@ -23,8 +23,8 @@ from twingap.prognosis.prior import Prior
 from twingap.records.table import read_table
 
 WEIGHTS: Final = (0.5, 0.75, 1.0)
-"""Weights of growth in `prognosis.prior` that are compared on ended runs; with one near 0, the end of a run whose
-growth is unlike theirs would not be seen."""
+"""Weights of growth in `prognosis.prior` that are compared on ended runs; with one near 0, the end of a run that grows
+unlike them would not be seen."""
 _SHARED: Final = 0.1
 """Fraction of shared records, relative to the shorter run, from which two runs count as the same."""
 FEWEST_WITH_INTERVALS: Final = 3

@@ -59,8 +59,8 @@ class PastIntervals:
 
     def scaled(self, factor: float) -> PastIntervals:
         """The same with all revolutions multiplied."""
-        growth, lived, since_onset, left = (factor * v for v in (self.growth, self.lived, self.since_onset, self.left))
-        return PastIntervals(growth, lived, since_onset, left, factor * self.per_row)
+        growth, lived, since, left = (factor * v for v in (self.growth, self.lived, self.since_onset, self.left))
+        return PastIntervals(growth, lived, since, left, factor * self.per_row)
 
     def errors(self, intervals: Array | None = None) -> Array:
         """`errors` of these intervals [rows, 3]; of growth alone when absent."""
