@@ -60,7 +60,7 @@ def features(windows: Windows, bearing: Bearing) -> NDArray[np.float32]:
         `group` tells recordings apart; labels are not read.
     bearing : Bearing
     """
-    return features_at(windows, windows.speed_rpm[None], bearing)[0]
+    return np.asarray(features_at(windows, windows.speed_rpm[None], bearing)[0])
 
 
 def features_at(windows: Windows, speeds_rpm: Array, bearing: Bearing) -> NDArray[np.float32]:

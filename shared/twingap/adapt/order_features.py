@@ -93,7 +93,7 @@ def order_features(windows: Windows, bearing: Bearing) -> Array:
     Array [windows, features]
         Finite. Lines beyond the envelope's range or `HIGHEST_ORDER` are 0.
     """
-    return order_features_at(windows, windows.speed_rpm[None], bearing)[0]
+    return np.asarray(order_features_at(windows, windows.speed_rpm[None], bearing)[0])
 
 
 def order_features_at(windows: Windows, speeds_rpm: Array, bearing: Bearing) -> Array:

@@ -124,7 +124,9 @@ class SpeedProbabilities:
         ratios, weights : Array [candidates, records]
             The most probable candidate first; weights sum to 1 over the candidates.
         """
-        left, ratios, weights = self.weights.copy(), [], []
+        left = self.weights.copy()
+        ratios: list[Array] = []
+        weights: list[Array] = []
         while len(ratios) < count and (not ratios or left.sum(axis=1).max() > NEGLIGIBLE):
             summed = np.cumsum(np.pad(left, ((0, 0), (1, 0))), axis=1)
             reach = round(width / STEP)
@@ -288,7 +290,8 @@ def _line_heights(x: Array, fs_hz: float, shaft_hz: float, bearing: Bearing) -> 
             power += part.real**2 + part.imag**2
         z_power = power / _floor(power, independent)
         over = np.maximum(z_power, 1.0)
-        out.append((kept * np.log1p(independent * (over - 1 - np.log(over)) / 3), rate_hz / length))
+        height = np.where(kept, np.log1p(independent * (over - 1 - np.log(over)) / 3), 0.0)
+        out.append((height, rate_hz / length))
     return out
 
 
