@@ -276,7 +276,7 @@ def _line_heights(x: Array, fs_hz: float, shaft_hz: float, bearing: Bearing) -> 
     window = np.hanning(length)
     independent = 1.0 if count == 1 else 0.6 * count  # half overlapping Hann segments
     top = min(length // 2, int(highest_hz / rate_hz * length) + 4)
-    out: list[tuple[Array, float]] = []
+    out = []
     kept = ~_of_mains(np.arange(top) * rate_hz / length, rate_hz / length)
     for start in starts:
         padded = np.zeros(m, complex)
@@ -290,8 +290,8 @@ def _line_heights(x: Array, fs_hz: float, shaft_hz: float, bearing: Bearing) -> 
             power += part.real**2 + part.imag**2
         z_power = power / _floor(power, independent)
         over = np.maximum(z_power, 1.0)
-        scores = np.log1p(independent * (over - 1 - np.log(over)) / 3)
-        out.append((np.asarray(kept * scores, float), rate_hz / length))
+        height = np.where(kept, np.log1p(independent * (over - 1 - np.log(over)) / 3), 0.0)
+        out.append((height, rate_hz / length))
     return out
 
 
