@@ -138,7 +138,9 @@ def lives(work: Work) -> pd.DataFrame:
         known[name] = (end * SNAPSHOT_S * rpm / 60, load_n)
     learning = {name: (run.life, run.load_n) for name, run in work["runs"].items()}
     every, twelve = learning | known, np.linspace(band[0], band[1], 12)
-    asked = [("challenge", name, [cut / end], learning) for name, (cut, end) in work.options.test.items()]
+    asked: list[tuple[str, str, Any, dict[str, Any]]] = [
+        ("challenge", name, [cut / end], learning) for name, (cut, end) in work.options.test.items()
+    ]
     asked += [("each from 16 others", n, twelve, {m: v for m, v in every.items() if m != n}) for n in every]
     rows = []
     for protocol, name, cuts, others in asked:
