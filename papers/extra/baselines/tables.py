@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -56,7 +57,7 @@ def tests(rows: pd.DataFrame) -> pd.DataFrame:
     out = []
     for (held_out, data, source), own in rows.groupby(["held_out", "data", "source"], sort=False):
         pairs = own.pivot_table(index=["task", "seed"], columns="method", values="accuracy", sort=False)
-        found = []
+        found: list[dict[str, Any]] = []
         for method in [name for name in pairs.columns if name != PLAIN]:
             gain = (pairs[method] - pairs[PLAIN]).dropna()
             found.append(
