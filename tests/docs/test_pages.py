@@ -11,7 +11,8 @@ import pytest
 from site_pages import data_cards, effect_pages, gap_file, markdown, python_pages, signatures, validation
 
 from twingap.data import card_of, manifest_names, manifest_of
-from twingap.effects import catalogue, load_effects
+from twingap.effects import catalogue, load_effects, make_effect
+from twingap.effects.by_state import State, of_state
 from twingap.gap.report.schema import schema
 from twingap.records.folder import read_description
 from twingap.records.table import COLUMNS
@@ -104,9 +105,13 @@ def blocks(page: str, language: str) -> list[str]:
 
 
 def test_twin_files_on_pages_can_be_read(tmp_path: Path) -> None:
-    (found,) = blocks("reference/twin-file.md", "toml")
-    (tmp_path / "twin.toml").write_text(found, encoding="utf-8")
+    whole, of_units = blocks("reference/twin-file.md", "toml")
+    (tmp_path / "twin.toml").write_text(whole, encoding="utf-8")
     assert read_twin(tmp_path / "twin.toml").parameters["load_zone"]["depth"] == 0.8
+    twin = '[twin]\nmodel = "phenomenological"\neffects = ["impact_scatter"]\n'
+    (tmp_path / "units.toml").write_text(twin + of_units, encoding="utf-8")
+    scatter = make_effect("impact_scatter", read_twin(tmp_path / "units.toml").parameters["impact_scatter"])
+    assert of_state(scatter, State("outer", "OR021")) == make_effect("impact_scatter", {"sigma": 0.3})
 
 
 @pytest.mark.parametrize("page", ["reference/record-set.md", "how-to/bring-your-records.md"])
