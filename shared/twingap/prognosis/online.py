@@ -425,7 +425,8 @@ class OnlineLife:
         assert self._influence is not None
         gain = float(self._influence.amplitude(speed_rpm))
         normalised = peak_to_peak / gain
-        if np.log(normalised) - self._reference[0] + self._ran_in < np.log(_FADED):
+        low = np.log(normalised) - self._reference[0] + self._ran_in < np.log(_FADED)
+        if low and self._influence.covers(speed_rpm):  # beyond, healthy amplitude is extrapolated
             self.faded += 1
             return
         self._log.append(row, self.revolutions, float(np.log(normalised)) - self._reference[0])

@@ -22,9 +22,9 @@ from twingap.prognosis.past_errors import PastIntervals, widening
 from twingap.prognosis.prior import Prior
 from twingap.records.table import read_table
 
-WEIGHTS: Final = (0.5, 0.75, 1.0)
-"""Weights of growth in `prognosis.prior` that are compared on ended runs; with one near 0, the end of a run that grows
-unlike them would not be seen."""
+WEIGHTS: Final = (0.5, 0.75, 1.0, 2.0, 4.0)
+"""Weights of growth in `prognosis.prior` that are compared on ended runs. With one near 0, the end of a run that grows
+unlike them would not be seen; without large ones, lives that tell nothing would outweigh growth."""
 _SHARED: Final = 0.1
 """Fraction of shared records, relative to the shorter run, from which two runs count as the same."""
 FEWEST_WITH_INTERVALS: Final = 3
@@ -171,8 +171,8 @@ def prior_from(outcomes: Sequence[Outcome], load_n: float | None = None) -> Prio
     Prior
         Predictive laws of lives (see `life_law`), and the factor on the width of intervals by growth. Where
         `FEWEST_WITH_INTERVALS` runs have past intervals, each of them is pooled with the lives of the others: the
-        weight of growth maximises the log density of their ends, and pooled intervals are as wide as these runs needed,
-        but not narrower than the product.
+        weight of growth minimises the error of log remaining life, and pooled intervals are as wide as these runs
+        needed, but not narrower than the product.
     """
     prior = _laws(outcomes, load_n)
     if sum(own.past is not None for own in outcomes) < FEWEST_WITH_INTERVALS:
@@ -185,14 +185,14 @@ def prior_from(outcomes: Sequence[Outcome], load_n: float | None = None) -> Prio
     def weighted(weight: float) -> list[tuple[PastIntervals, Prior]]:
         return [(past, dataclasses.replace(others, growth_weight=weight)) for past, others in each]
 
-    def density(weight: float) -> float:
+    def error(weight: float) -> float:
         found = [
-            others.log_density(past.growth, past.lived, past.since_onset, past.per_row, past.left).mean()
+            past.log_error(others.joined_rows(past.growth, past.lived, past.since_onset, past.per_row))
             for past, others in weighted(weight)
         ]
         return float(np.mean(found))
 
-    best = max(WEIGHTS, key=density)
+    best = min(WEIGHTS, key=error)
     pooled = [
         past.errors(others.joined_rows(past.growth, past.lived, past.since_onset, past.per_row))
         for past, others in weighted(best)

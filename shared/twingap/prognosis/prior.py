@@ -32,8 +32,6 @@ _POINTS: Final = 400
 """Points of the grid of log remaining life; more resolve narrower densities and are slower."""
 _NARROWEST: Final = 0.05
 """Least standard deviation of log remaining life by growth, about the spacing of the grid."""
-_LEAST: Final = 1e-6
-"""Added to densities before taking logarithms, so that one row with a wrong estimate does not outweigh all others."""
 
 
 @dataclass(frozen=True)
@@ -47,7 +45,8 @@ class Prior:
     after_onset : LogNormal or None
         Revolutions from the onset of the anomaly to the end; None when no run had one.
     growth_weight : float
-        Exponent of the density by growth, 0 to 1; 1 takes growth and lives as independent sources.
+        Exponent of the density by growth; 1 takes growth and lives as independent sources, and a large one leaves
+        growth alone.
     widening : float
         Factor on the width of intervals by growth, in logarithms; see `past_errors`.
     joined_widening : float
@@ -94,12 +93,6 @@ class Prior:
         middle = logs[:, -1:]
         logs = middle + self.joined_widening * (logs[:, :-1] - middle)
         return np.asarray(np.maximum(np.exp(logs) - per_row / 2, 0.0))
-
-    def log_density(self, growth: Array, lived: Array, since_onset: Array, per_row: float, left: Array) -> Array:
-        """Logarithm of the density of log remaining life at true values [rows], by the product before widening."""
-        z, density = self._pooled(growth, lived, since_onset, per_row)
-        true = np.log(left + max(per_row / 2, 1e-9))
-        return np.array([np.log(np.interp(at, z, own) + _LEAST) for at, own in zip(true, density, strict=True)])
 
     def _pooled(self, growth: Array, lived: Array, since_onset: Array, per_row: float) -> tuple[Array, Array]:
         """Grid of log remaining life plus half a row, and the density of each row on it."""

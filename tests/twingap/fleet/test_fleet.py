@@ -216,7 +216,7 @@ def test_what_is_wrong_is_said_in_one_line(typed: Run, machines: Path, twin: Pat
     refused(typed("fleet", machines, "--twin", twin, "--out", machines, "--no-track"), "is the folder of the records")
     refused(typed("fleet", machines, "--twin", twin, "--out", twin, "--no-track"), twin.name)
     said = typed("fleet", bad.parent, "--twin", twin, *out, "--jobs", 1)
-    refused(said, "none of 1 record sets could be diagnosed: set: set/recordset.toml")
+    refused(said, "none of 1 record sets could be diagnosed: set: set: holds no recordset.toml")
     broken = bad.parent / os.fsdecode(b"\xff")
     broken.mkdir()
     (broken / "records.csv").touch()

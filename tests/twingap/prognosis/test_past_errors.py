@@ -103,7 +103,7 @@ def _ended(rng: np.random.Generator, spread: float, off: float, rows: int = 16) 
     return Outcome("run", life, None, None, PastIntervals(growth, lived, lived, left, 1.0))
 
 
-@pytest.mark.parametrize(("spread", "off", "weights"), [(0.1, 0.7, (0.0, 0.5)), (1.5, 0.3, (0.9, 1.0))])
+@pytest.mark.parametrize(("spread", "off", "weights"), [(0.1, 0.7, (0.0, 0.5)), (1.5, 0.3, (0.9, 4.0))])
 def test_runs_that_ended_choose_what_told_more(spread: float, off: float, weights: tuple[float, float]) -> None:
     """Lives where they agree and growth errs; growth where it is right and lives differ."""
     rng = np.random.default_rng(3)

@@ -402,7 +402,7 @@ def test_what_was_answered_is_taken_from_the_folder(monkeypatch: pytest.MonkeyPa
     def swept() -> tuple[list[dict[str, Any]], list[tuple[int, int]]]:
         calls: list[tuple[int, int]] = []
         found = public._swept(
-            work, "halves", store=tmp_path, code="one", data={"learnt": "0"}, root=None, workers=1,
+            work, "halves", store=tmp_path, code="one", data={"learnt": "0"}, root=None, where={"n_jobs": 1},
             progress=lambda what, done, total: calls.append((done, total)),
         )  # fmt: skip
         return found, calls

@@ -62,7 +62,7 @@ def fitted_together(
     search.priors.clear()
     begin = search.initial_objective()
     keys = list(search.at)
-    if not keys:
+    if len(keys) < 2:  # a single value is for a line search
         return simulator, tuple(effects), begin
     start, step = dict(search.at), search.step
     strategy = SepCMA(mean=np.zeros(len(keys)), sigma=_SIGMA, seed=evidence.root % 2**31)

@@ -95,5 +95,7 @@ def test_a_gap_that_nothing_explains_for_sure_has_to_be_borne_out(surest: float)
     assert confirmed.p_value > 0.05
     assert confirmed.confidence_set == ((), ("clipping",))
     assert "recordings differ" in note
-    of_twin: Any = SimpleNamespace(simulator=None)  # a twin has no recordings to exchange
+    of_twin: Any = SimpleNamespace(
+        simulator=SimpleNamespace(makes_waveforms=False)
+    )  # a twin has no recordings to exchange
     assert _confirmed(replace(found, before=of_twin), evidence)[1] == []
