@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import ClassVar, Final
@@ -80,7 +79,7 @@ class MainsInterference(Effect):
 
     @classmethod
     def read_off(cls, records: Iterable[Record], simulated: Iterable[Record]) -> Mapping[str, float]:
-        """Frequency and amplitudes, where all records have the same line at 50 or 60 Hz and the twin has none."""
+        """Frequency and amplitude, where all records have the same line at 50 or 60 Hz and the twin has none."""
         numbers = np.arange(1, _MOST_HARMONICS + 1)
         records = list(records)
         found = {base_hz: common_levels(records, np.asarray(base_hz * numbers, float)) for base_hz in (50.0, 60.0)}
@@ -91,15 +90,13 @@ class MainsInterference(Effect):
             return {}
         numbers, levels = numbers[1:], levels[1:]
         there = levels > 0
-        if not there.any():
-            return {"level": level, "mains_hz": mains_hz, "n_harmonics": 1}
-        fall, steps = np.log(levels[there] / level), numbers[there] - 1
-        slope = float(fall @ steps / (steps @ steps))
-        if slope >= 0 or np.abs(fall - slope * steps).max() > _GEOMETRIC:
-            return {}
-        return {
-            "level": level, "mains_hz": mains_hz, "n_harmonics": int(numbers[there].max()), "decay": math.exp(slope)
-        }  # fmt: skip
+        if there.any():
+            fall, steps = np.log(levels[there] / level), numbers[there] - 1
+            slope = float(fall @ steps / (steps @ steps))
+            if slope >= 0 or np.abs(fall - slope * steps).max() > _GEOMETRIC:
+                return {}
+        # How many harmonics there are is searched: the weak ones do not stand out.
+        return {"level": level, "mains_hz": mains_hz}
 
     def variant(self, machine: Machine, rng: np.random.Generator) -> Effect:
         factors, values = uneven_factors(rng), self.parameter_values()
