@@ -59,7 +59,7 @@ def pages(docs: Path) -> dict[str, str]:
     return found
 
 
-_ROUTING = "set_fit_request, set_score_request"
+_ROUTING = "set_fit_request, set_predict_proba_request, set_predict_request, set_score_request"
 """Methods that scikit-learn adds to every estimator, with references into its own documentation."""
 
 
