@@ -28,7 +28,8 @@ ASKED: Final = (PATH, LINES, BACKGROUND)
 LEVEL: Final = 0.01
 """Level of the test for each. A larger value names more of them."""
 LEAST: Final = 0.15
-"""Part of the gap that one has to close. A smaller value names some that make up for errors of other values."""
+"""Part of the fit part's distance that one has to close. A smaller value names some that make up for errors of other
+values."""
 _LEFT: Final = 0.25
 """Part of the fit part's distance that effects with detectors have to leave. A smaller value asks more often, which
 takes time, and names some that make up for errors of other values."""
@@ -51,7 +52,8 @@ def with_measured(evidence: Evidence, found: Explanation) -> Explanation:
     if not found.gap or not names:
         return found
     bare = validation_distance(evidence, found.before.simulator, ())
-    if validation_distance(evidence, found.after.simulator, found.after.effects) < _LEFT * bare:
+    left = validation_distance(evidence, found.after.simulator, found.after.effects)
+    if left < _LEFT * bare:
         return found
     part = evidence.calibrated.held_out
     grid = Grid.of(part.conditions, evidence.frame.bearing)
@@ -65,8 +67,8 @@ def with_measured(evidence: Evidence, found: Explanation) -> Explanation:
         ]
 
     before = Paired(real, made(found.before))
-    whole, floor = _distance(before), before.floor(np.random.default_rng(evidence.root))[0]
-    if whole < _CLEAR * floor:
+    whole = float(before.over_domains(before.squares())[0][0])
+    if whole < _CLEAR * before.floor(np.random.default_rng(evidence.root))[0]:
         return found
     now, here = found.after, before if found.after.effects == () else Paired(real, made(found.after), before.scale)
     named: list[Estimated] = []
@@ -75,12 +77,14 @@ def with_measured(evidence: Evidence, found: Explanation) -> Explanation:
         one = measured(evidence, now.simulator, now.effects, (name,), by=by_fault_or_all(evidence))
         if one is None:
             continue
+        # Asked of the fit part: names must not be chosen by the closure that is reported.
+        nearer = validation_distance(evidence, *one)
+        if left - nearer < LEAST * bare:
+            continue
         compared = Compared(evidence, one[1], one[0])
         there = Paired(real, made(compared), before.scale)
-        p = p_of_gain(here, there, evidence.root)
-        gain = (_distance(here) - _distance(there)) / (whole - floor)
-        if p <= LEVEL and gain >= LEAST:
-            now, here = compared, there
+        if (p := p_of_gain(here, there, evidence.root)) <= LEVEL:
+            now, here, left = compared, there, nearer
             tested[name] = p
             named.append(Estimated(next(effect for effect in one[1] if effect.name == name), {}))
     if not named:
@@ -91,7 +95,3 @@ def with_measured(evidence: Evidence, found: Explanation) -> Explanation:
         found, effects=(*found.effects, *named), after=now, probability={**found.probability, **probability},
         confidence_set=tuple((*names_of, *sure) for names_of in found.confidence_set),
     )  # fmt: skip
-
-
-def _distance(pair: Paired) -> float:
-    return float(pair.over_domains(pair.squares())[0][0])
