@@ -55,14 +55,13 @@ def with_measured(evidence: Evidence, found: Explanation) -> Explanation:
     left = validation_distance(evidence, found.after.simulator, found.after.effects)
     if left < _LEFT * bare:
         return found
-    part = evidence.calibrated.held_out
-    grid = Grid.of(part.conditions, evidence.frame.bearing)
-    real = evidence.vectors(part, grid)
+    real, conditions = evidence.held_out.vectors, evidence.held_out.conditions
+    grid = Grid.of(conditions, evidence.frame.bearing)
 
     def made(compared: Compared) -> list[FeatureVectors]:
-        count = replicates_of(compared.simulator, part.conditions, _REPLICATES)
+        count = replicates_of(compared.simulator, conditions, _REPLICATES)
         return [
-            evidence.vectors(evidence.simulated(compared.simulator, compared.effects, part.conditions, 2 + k), grid)
+            evidence.vectors(evidence.simulated(compared.simulator, compared.effects, conditions, 2 + k), grid)
             for k in range(count)
         ]
 
