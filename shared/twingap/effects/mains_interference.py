@@ -29,7 +29,7 @@ _OF_TWIN: Final = 0.1
 """Largest level of the twin's own line at the mains frequency, over the records', where the level is read off. A larger
 value ignores stronger lines of the twin."""
 _MOST_HARMONICS: Final = 20
-"""Largest number of harmonics that is read off."""
+"""Largest number of harmonics that have to decay geometrically."""
 _GEOMETRIC: Final = 0.4
 """Largest deviation of the logarithm of an amplitude from a geometric decay. A larger value reads off less regular
 hums, whose harmonics the effect does not describe."""
