@@ -10,8 +10,11 @@ from __future__ import annotations
 
 import zlib
 from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 
 def root_entropy(rng: np.random.Generator) -> int:
@@ -37,5 +40,21 @@ class Streams:
 
     def __call__(self, purpose: str) -> np.random.Generator:
         """Generator for `purpose` (such as an effect's name), always in its initial state."""
-        key = (self.index, zlib.crc32(purpose.encode()))
-        return np.random.Generator(np.random.SFC64(np.random.SeedSequence(self.root, spawn_key=key)))
+        return np.random.Generator(np.random.SFC64(_seed(self.root, self.index, purpose)))
+
+
+class _Seed(np.random.SeedSequence):
+    """Seed sequence that mixes its entropy once: a search simulates the same records hundreds of times."""
+
+    _words: NDArray[Any] | None = None
+
+    def generate_state(self, n_words: int, dtype: Any = np.uint32) -> NDArray[Any]:
+        """Words for the initial state of a generator, always of the same type."""
+        if self._words is None:
+            self._words = super().generate_state(n_words, dtype)
+        return self._words
+
+
+@lru_cache(maxsize=4096)
+def _seed(root: int, index: int, purpose: str) -> _Seed:
+    return _Seed(root, spawn_key=(index, zlib.crc32(purpose.encode())))

@@ -32,6 +32,8 @@ _MOST_TRAINING: Final = 2000
 """Largest number of simulated records to train a classifier on. More take longer and hardly raise its accuracy."""
 _MOST_EVALUATED: Final = 1000
 """Largest number of real records to evaluate it on. More take longer and reduce the noise."""
+_TREES: Final = 40
+"""Trees of the classifier. More take longer and make its accuracy depend less on its random numbers."""
 
 
 def closure_metrics(
@@ -193,7 +195,7 @@ def _right(
 ) -> NDArray[np.bool_]:
     from sklearn.ensemble import ExtraTreesClassifier  # a slow import
 
-    trees = ExtraTreesClassifier(120, max_features="sqrt", random_state=int(rng.integers(2**31)), n_jobs=1)
+    trees = ExtraTreesClassifier(_TREES, max_features="sqrt", random_state=int(rng.integers(2**31)), n_jobs=1)
     return np.asarray(trees.fit(x, y).predict(test) == truth)
 
 
