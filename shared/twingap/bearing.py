@@ -136,14 +136,25 @@ class Bearing:
         }
 
 
-BEARINGS: Final[dict[str, Bearing]] = {
-    bearing.name: bearing
-    for bearing in (
-        Bearing("6205", 9, 7.94, 39.04, 0.0),  # CWRU drive end, HIT-SM, Smart Maintenance
-        Bearing("6203", 8, 6.746, 28.4988, 0.0),  # CWRU fan end
-        Bearing("ZA-2115", 16, 8.4074, 71.501, 15.17),  # IMS
-        Bearing("PRONOSTIA", 13, 3.5, 25.6, 0.0),  # FEMTO
-        Bearing("UER204", 8, 7.92, 34.55, 0.0),  # XJTU-SY
-    )
-}
-"""Bearings of the public data sets, by name."""
+def _by_name(*bearings: Bearing) -> dict[str, Bearing]:
+    return {bearing.name: bearing for bearing in bearings}
+
+
+PUBLIC_BEARINGS: Final[dict[str, Bearing]] = _by_name(
+    Bearing("6205", 9, 7.94, 39.04, 0.0),  # CWRU drive end, HIT-SM, Smart Maintenance
+    Bearing("6203", 8, 6.746, 28.4988, 0.0),  # CWRU fan end
+    Bearing("ZA-2115", 16, 8.4074, 71.501, 15.17),  # IMS
+    Bearing("PRONOSTIA", 13, 3.5, 25.6, 0.0),  # FEMTO
+    Bearing("UER204", 8, 7.92, 34.55, 0.0),  # XJTU-SY
+)
+"""Bearings of the public data sets that twingap reads, by name."""
+BEARINGS: Final[dict[str, Bearing]] = PUBLIC_BEARINGS | _by_name(
+    Bearing("NICE", 8, 5.969, 31.623, 0.0),  # MFPT
+    Bearing("ER-12K", 8, 7.938, 33.477, 0.0),  # SpectraQuest simulators
+    Bearing("ER-16K", 9, 7.938, 38.506, 0.0),  # SpectraQuest simulators, University of Ottawa
+    Bearing("6204", 8, 7.938, 33.5, 0.0),
+    Bearing("6206", 9, 9.525, 46.0, 0.0),
+    Bearing("6207", 9, 11.112, 53.5, 0.0),
+    Bearing("6308", 8, 15.081, 65.0, 0.0),
+)
+"""Known bearings by name. Manufacturers' geometries of one designation differ slightly."""

@@ -61,6 +61,8 @@ def test_rollers_roll_without_slip_on_both_races(bearing: Bearing) -> None:
         # Case Western Reserve University's own table of multiples of running speed, 6205 and 6203.
         ("6205", {"inner": 5.4152, "outer": 3.5848, "cage": 0.39828, "ball": 4.7135}),
         ("6203", {"inner": 4.9469, "outer": 3.0530, "cage": 0.3817, "ball": 3.9874}),
+        ("NICE", {"inner": 4.7552, "outer": 3.2448}),  # MFPT: 118.88 and 81.12 Hz at 25 Hz
+        ("ER-16K", {"inner": 5.43, "outer": 3.57}),  # University of Ottawa
     ],
 )
 def test_published_orders(name: str, expected: dict[str, float]) -> None:

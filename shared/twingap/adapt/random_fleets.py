@@ -19,7 +19,7 @@ from twingap.adapt.order_classifier import MOST_COMPARED, SPEEDS, features, rows
 from twingap.adapt.population import CLASSES, TRIES, Population
 from twingap.adapt.window_length import length_for
 from twingap.adapt.windows import cut
-from twingap.bearing import BEARINGS, Bearing
+from twingap.bearing import PUBLIC_BEARINGS, Bearing
 from twingap.errors import TwingapError
 from twingap.identification.speed_without_labels import speeds_without_labels
 from twingap.records import Condition, RecordSet
@@ -30,7 +30,7 @@ SPEEDS_RPM: Final = (300.0, 3600.0)
 """Ranges of the sampling rate and of the shaft speed, drawn log-uniformly. The classifier is not
 trained for machines outside them."""
 CATALOGUE_SHARE: Final = 0.3
-"""Fraction of machines with a bearing of `BEARINGS`; the others have a random geometry."""
+"""Fraction of machines with a bearing of `PUBLIC_BEARINGS`; the others have a random geometry."""
 ROLLERS: Final = (6, 20)
 FILL: Final = (0.55, 0.95)
 LARGEST_RATIO: Final = 0.35
@@ -89,7 +89,7 @@ def random_bearing(rng: np.random.Generator) -> Bearing:
     rng : numpy.random.Generator
     """
     if rng.random() < CATALOGUE_SHARE:
-        return list(BEARINGS.values())[int(rng.integers(len(BEARINGS)))]
+        return list(PUBLIC_BEARINGS.values())[int(rng.integers(len(PUBLIC_BEARINGS)))]
     rollers = int(rng.integers(ROLLERS[0], ROLLERS[1] + 1))
     ratio = min(LARGEST_RATIO, rng.uniform(*FILL) * math.sin(math.pi / rollers))
     angle = rng.uniform(0.0, LARGEST_ANGLE_DEG) if rng.random() < ANGLED_SHARE else 0.0

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Final
 
-from twingap.bearing import BEARINGS, Bearing
+from twingap.bearing import PUBLIC_BEARINGS, Bearing
 from twingap.effects import LineSpectrum
 
 MAINS: Final = "mains"
@@ -55,7 +55,7 @@ def named_lines(effect: LineSpectrum, bearing: Bearing, shaft_hz: float) -> Mapp
             out.setdefault(OWN_BEARING, []).append(place)
         else:
             left.append(place)
-    for name, other in BEARINGS.items():
+    for name, other in PUBLIC_BEARINGS.items():
         for order in _orders(other)[1:]:
             family = [place for place in left if _multiple(place, order)]
             if len(family) >= _FEWEST and any(abs(place / order - 1) < _SAME for place in family):

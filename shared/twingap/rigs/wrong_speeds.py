@@ -15,7 +15,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from twingap.bearing import BEARINGS, Bearing
+from twingap.bearing import PUBLIC_BEARINGS, Bearing
 from twingap.errors import TwingapError
 from twingap.records import Condition, RecordSet
 from twingap.rigs.machine import Machine
@@ -32,7 +32,7 @@ SPEEDS_RPM: Final = (800.0, 1000.0, 1200.0, 1400.0, 1750.0)
 BANDS: Final = ((0.04, 0.07), (0.08, 0.13), (0.15, 0.22), (0.22, 0.30), (0.30, 0.38), (0.38, 0.45))
 """Natural frequencies relative to the sampling rate."""
 KINDS: Final = (
-    *BEARINGS.values(), Bearing("NU206", 13, 7.5, 46.0, 0.0), Bearing("7206", 13, 9.525, 46.0, 25.0),
+    *PUBLIC_BEARINGS.values(), Bearing("NU206", 13, 7.5, 46.0, 0.0), Bearing("7206", 13, 9.525, 46.0, 25.0),
 )  # fmt: skip
 
 
