@@ -9,12 +9,16 @@ differ by one effect are simulated with common random numbers.
 from __future__ import annotations
 
 import zlib
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
+
+_KEPT_SAMPLES: Final = 65536
+"""Longest noise of a record that is kept. A larger value takes more memory: up to 128 records are kept."""
 
 
 def root_entropy(rng: np.random.Generator) -> int:
@@ -42,6 +46,13 @@ class Streams:
         """Generator for `purpose` (such as an effect's name), always in its initial state."""
         return np.random.Generator(np.random.SFC64(_seed(self.root, self.index, purpose)))
 
+    def normal(self, purpose: str, size: int) -> tuple[NDArray[np.float64], np.random.Generator]:
+        """The first `size` standard normal numbers of a stream, read-only, and its generator after them."""
+        numbers, state = (_normal if size <= _KEPT_SAMPLES else _drawn)(self.root, self.index, purpose, size)
+        rng = self(purpose)
+        rng.bit_generator.state = state
+        return numbers, rng
+
 
 class _Seed(np.random.SeedSequence):
     """Seed sequence that mixes its entropy once: a search simulates the same records hundreds of times."""
@@ -58,3 +69,15 @@ class _Seed(np.random.SeedSequence):
 @lru_cache(maxsize=4096)
 def _seed(root: int, index: int, purpose: str) -> _Seed:
     return _Seed(root, spawn_key=(index, zlib.crc32(purpose.encode())))
+
+
+def _drawn(root: int, index: int, purpose: str, size: int) -> tuple[NDArray[np.float64], Mapping[str, Any]]:
+    """Normal numbers of a stream, and the state of its generator after them."""
+    rng = Streams(root, index)(purpose)
+    numbers = rng.standard_normal(size)
+    numbers.flags.writeable = False
+    return numbers, rng.bit_generator.state
+
+
+_normal = lru_cache(maxsize=128)(_drawn)
+"""The same, kept: a search simulates the same records with the same noise hundreds of times."""

@@ -41,7 +41,7 @@ def blind(
     rivals: Annotated[
         int | None,
         typer.Option(
-            "--rival-worlds", metavar="W", min=0, help="Worlds on which rival methods are trained; 0: none.",
+            "--rival-worlds", metavar="W", min=0, help="Worlds on which rival methods are trained; 0: no rivals.",
             show_default="1500, or 5 per world where that is less",
         ),
     ] = None,
@@ -52,6 +52,7 @@ def blind(
     """Diagnose simulated machines of known truth blind, and score the diagnosis next to rival methods."""
     from twingap.rigs.worlds import cases as plan
     from twingap.study import run_study, write_study
+    from twingap.study.rivals import PERMUTATIONS
     from twingap.study.runner import command_line
     from twingap.study.tracking import track_blind
 
@@ -62,6 +63,7 @@ def blind(
             plan(cases, seed),
             seed,
             training_count=min(1500, 5 * cases) if rivals is None else rivals,
+            permutations=0 if rivals == 0 else PERMUTATIONS,
             jobs=jobs,
             backend=backend.value,
             address=address,
@@ -119,6 +121,7 @@ def public(
     """Diagnose public records: what each paper's twin lacks, effects withheld or added, single recordings."""
     from twingap.study.public import Plan, run_public
     from twingap.study.public_report import twin_rows, write_public
+    from twingap.study.rivals import PERMUTATIONS
     from twingap.study.runner import command_line
     from twingap.study.tracking import track_public
 

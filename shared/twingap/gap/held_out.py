@@ -102,6 +102,7 @@ class HeldOut:
         fixed = any(name in ASKED for name in named)
         after = found.after if fixed else self.evidence.against(found.after.effects)
         base = self._pair(after)
+        gap = float(base[1].over_domains(base[1].squares())[0][0])
         names = [name for name in trainable() if name not in self.evidence.modelled]
         names += [name for name in named if name not in names]
         for done, name in enumerate(names):
@@ -110,11 +111,14 @@ class HeldOut:
             others = tuple(other for other in named if other != name)
             nothing_fitted = name not in found.fitted and not learnt.covers(name)
             if name in found.cannot or nothing_fitted:
-                gap = float(base[1].over_domains(base[1].squares())[0][0])
                 own = named.get(name)
                 values = values_of_estimate(own) if own else {}
                 why = found.cannot.get(name, _NEVER_ACTS)
                 yield Candidate(name, probability, gap, gap, 0.0, (0.0, 0.0), values, why, others)
+                continue
+            if not found.gap:  # nothing to close: the report shows no closures then
+                values = values_of_estimate(estimate(name, after.fit, self.evidence, learnt))
+                yield Candidate(name, probability, gap, gap, 0.0, (0.0, 0.0), values, None, others)
                 continue
             if name in named:
                 chain = tuple(named[o].effect for o in others if o not in found.cannot)

@@ -117,7 +117,7 @@ def run_study(
     rivals : sequence of Rival, optional
         None = `default_rivals()`.
     permutations : int
-        Permutations of the rivals' two-sample test; with fewer than 19 it can never claim a gap.
+        Permutations of the rivals' two-sample test; with fewer than 19 it can never claim a gap, with 0 no rival runs.
     jobs, backend, address
         Where to run; see `twingap.sweep.backends.open_pool`.
     command : str
@@ -150,8 +150,12 @@ def run_study(
     diagnoses = _diagnosed(
         folder, cases, seed, sealed, diagnose, prepare, permutations, {**code, "learnt": learnt_from}, where, progress
     )
-    found = {DIAGNOSIS: [_found(d) for d in diagnoses], TWO_SAMPLE: [_tested(d) for d in diagnoses]}
-    learnt, skipped = _learnt(folder, seed, training, training_count, rivals, code, where, progress)
+    found = {DIAGNOSIS: [_found(d) for d in diagnoses]}
+    if permutations:
+        found[TWO_SAMPLE] = [_tested(d) for d in diagnoses]
+    learnt, skipped = _learnt(
+        folder, seed, training, training_count if permutations else 0, rivals, code, where, progress
+    )
     x = np.array([d["statistics"] for d in diagnoses])
     for rival in learnt:
         found[rival.name] = rival.predict(x)

@@ -62,7 +62,7 @@ class DiagnoseJob:
     records_sha256 : str
         Digest of the records when the world was sealed.
     permutations : int
-        Permutations of the rivals' two-sample test.
+        Permutations of the rivals' two-sample test; 0 leaves all rivals out.
     """
 
     case: Case
@@ -173,6 +173,8 @@ def report_of(diagnosis: Any) -> dict[str, Any]:
 
 
 def _for_rivals(blind: Blind, prepare: Prepare, root: Sequence[int], permutations: int) -> dict[str, Any]:
+    if not permutations:
+        return {"statistics": np.full(len(statistics.world_names()), np.nan), "two_sample": {}}
     try:
         real, simulated = prepare(blind.records, blind.twin, np.random.default_rng([*root, 1]), blind.sim)
     except TwingapError as error:

@@ -182,11 +182,11 @@ class Twin(ABC):
 def _white(draft: Draft, streams: Streams) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
     """[samples] White noise of unit power: that of the measuring chain, and that which passes the sensor."""
     n = draft.x.size
-    white = streams("white_noise").standard_normal(n)
+    white, _ = streams.normal("white_noise", n)
     if not draft.sensed_noise:
         return white
     part = max(part for part, _ in draft.sensed_noise)
-    before = streams("background").standard_normal(LEAD + n)
+    before, _ = streams.normal("background", LEAD + n)
     for _, act in draft.sensed_noise:
         before = act(before)
     return np.asarray(math.sqrt(1 - part) * white + math.sqrt(part) * before[LEAD:])

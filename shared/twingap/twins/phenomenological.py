@@ -170,11 +170,9 @@ class PhenomenologicalTwin(Twin):
             )  # fmt: skip
         draft.modes.append(own.mode)
         if own.structure_noise_rms * draft.own_noise > 0:
-            rng = streams("structure_noise")
-            force = rng.standard_normal(condition.n_samples)
+            force, rng = streams.normal("structure_noise", condition.n_samples)
             rms = draft.own_noise * own.scale * own.structure_noise_rms / response_rms(draft.modes, condition.fs_hz)
-            force *= rms
-            draft.push(force, rng, rms)
+            draft.push(rms * force, rng, rms)
         if draft.faulty:
             if condition.fault not in own.impact_amplitude:
                 raise TwingapError(
