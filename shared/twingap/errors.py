@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import difflib
+from collections.abc import Iterable
+
 
 class TwingapError(Exception):
     """An error in the user's input; the message states what is wrong, where, and the remedy.
@@ -26,3 +29,20 @@ class TwingapError(Exception):
         if mend is not None:
             line += f"; {mend}"
         super().__init__(" ".join(line.split()))
+
+
+def one_of(wrong: str, known: Iterable[str], kind: str) -> str:
+    """Remedy for a name that is not known: the name that was probably meant, and all that there are.
+
+    Parameters
+    ----------
+    wrong : str
+    known : iterable of str
+    kind : str
+        What the names are of, in the plural.
+    """
+    names = list(known)
+    swapped = [name for name in names if sorted(name.lower()) == sorted(wrong.lower())]
+    likely = swapped or difflib.get_close_matches(wrong, names, n=1)
+    meant = f"did you mean {likely[0]!r}? " if likely else ""
+    return f"{meant}known {kind}: {', '.join(names)}"

@@ -8,7 +8,7 @@ import typer
 
 from twingap.bearing import BEARINGS, Bearing
 from twingap.cli.options import AnySeed, Effects, Json, say, show
-from twingap.errors import TwingapError
+from twingap.errors import TwingapError, one_of
 
 
 def bearings(
@@ -21,7 +21,7 @@ def bearings(
     if name is not None and name not in BEARINGS:
         raise TwingapError(
             f"unknown bearing {name!r}",
-            mend=f"known bearings: {', '.join(BEARINGS)}; others need a [bearing] table in recordset.toml",
+            mend=f"{one_of(name, BEARINGS, 'bearings')}; others need a [bearing] table in recordset.toml",
         )
     rows = [_row(each) for known, each in BEARINGS.items() if name in (None, known)]
     show(rows, as_json)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, cast
 import typer
 
 from twingap.cli.options import AnySeed, Effects, Json, say, say_json, show
-from twingap.errors import TwingapError
+from twingap.errors import TwingapError, one_of
 
 if TYPE_CHECKING:
     from twingap.effects import Effect
@@ -36,7 +36,7 @@ def effects(
             show([{key: about[key] for key in ("effect", "stage", "group", "summary")} for about in listed], False)
         return
     if name not in known:
-        raise TwingapError(f"unknown effect {name!r}", mend=f"known effects: {', '.join(known)}")
+        raise TwingapError(f"unknown effect {name!r}", mend=one_of(name, known, "effects"))
     about = _described(name, known[name])
     if as_json:
         say_json(about)

@@ -2,14 +2,36 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from twingap.cli.options import AnySeed, Effects, Json, say, say_json, show, wrote
 from twingap.cli.progress import steps
 from twingap.errors import TwingapError
+
+if TYPE_CHECKING:
+    from twingap.data.importing import Understood
+
+
+def _by_note(found: Sequence[Understood]) -> list[str]:
+    """Notes on the files, those of several files once."""
+    files = list(dict.fromkeys(record.channel.path.name for record in found))
+    said: dict[str, list[str]] = {}
+    for record in found:
+        for note in record.notes:
+            said.setdefault(note, []).append(record.channel.path.name)
+    return [f"{_of(names, len(files))}: {note}" for note, names in said.items()]
+
+
+def _of(names: Sequence[str], count: int) -> str:
+    """Names of a few files, the number of many."""
+    names = list(dict.fromkeys(names))
+    if len(names) == count > 1:
+        return f"all {count} files"
+    return ", ".join(names) if len(names) < 4 else f"{len(names)} files, such as {names[0]}"
 
 
 def import_(
@@ -38,7 +60,12 @@ def import_(
     ] = None,
     scale: Annotated[float, typer.Option(help="Factor on all samples, such as 10 for 100 mV/g.")] = 1.0,
     speed_rpm: Annotated[float | None, typer.Option("--speed-rpm", help="Shaft speed of all records.")] = None,
-    speed_channel: Annotated[str | None, typer.Option(help="Channel that holds the speed in rev/min.")] = None,
+    speed_channel: Annotated[
+        str | None,
+        typer.Option(
+            help="Channel that holds the speed in rev/min. Default: one in rpm, where nothing else states the speed."
+        ),
+    ] = None,
     tacho_channel: Annotated[str | None, typer.Option(help="Channel that holds the pulses of a tacho.")] = None,
     pulses_per_turn: Annotated[int, typer.Option(help="Of the tacho.", min=1)] = 1,
     fault: Annotated[
@@ -88,7 +115,7 @@ def import_(
     )  # fmt: skip
     found = understand(files_of(files), options)
     rows = [record.row() for record in found]
-    notes = [f"{record.channel.path.name}: {note}" for record in found for note in record.notes]
+    notes = _by_note(found)
     if geometry is None:
         notes.append("no bearing is stated: add --bearing, which `twingap gap` and `classify` need")
     units = {record.unit for record in found}
@@ -102,7 +129,7 @@ def import_(
             False,
             title=f"{len(rows)} record{'s' * (len(rows) != 1)} understood",
         )
-        for note in dict.fromkeys(notes):
+        for note in notes:
             say(f"note: {note}")
     if not dry_run:
         assert out is not None

@@ -147,6 +147,8 @@ def _cell(value: Any) -> str:
     if value is None:
         return ""
     if isinstance(value, float):
+        if value.is_integer() and abs(value) < 1e6:
+            return f"{value:.0f}"
         return f"{value:.4g}" if abs(value) < 1e5 else f"{value:.3e}" if math.isfinite(value) else str(value)
     return str(value)
 

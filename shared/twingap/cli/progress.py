@@ -79,6 +79,7 @@ class _Lines(Progress):
     def __init__(self, what: str, total: float | None, every_s: float) -> None:
         super().__init__(what, total)
         self.every_s, self.begin, self.finished = every_s, time.monotonic(), threading.Event()
+        self.started = self.begin
         self.thread = threading.Thread(target=self._print_at_intervals, daemon=True)
         self.thread.start()
 
@@ -98,8 +99,9 @@ class _Lines(Progress):
 
     def _print_at_intervals(self) -> None:
         while not self.finished.wait(self.every_s):
-            known = ", ".join(word for word in (self.percent(), self.now) if word)
-            _print(f"{self.what}: {known}" if known else f"{self.what} ...")
+            after = f"after {_duration(time.monotonic() - self.started)}"
+            known = ", ".join(word for word in (self.percent(), self.now, after) if word)
+            _print(f"{self.what}: {known}")
 
 
 @contextmanager

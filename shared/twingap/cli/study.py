@@ -121,7 +121,6 @@ def public(
     """Diagnose public records: what each paper's twin lacks, effects withheld or added, single recordings."""
     from twingap.study.public import Plan, run_public
     from twingap.study.public_report import twin_rows, write_public
-    from twingap.study.rivals import PERMUTATIONS
     from twingap.study.runner import command_line
     from twingap.study.tracking import track_public
 

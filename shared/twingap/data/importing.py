@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twingap.bearing import BEARINGS, FAULTS, Bearing
-from twingap.errors import TwingapError
+from twingap.errors import TwingapError, one_of
 from twingap.records import Condition, Record
 from twingap.records.samples import SUFFIXES, Channel, SampleFile, inspect
 from twingap.signal import repaired_tacho
@@ -30,6 +30,7 @@ _TIME: Final = re.compile(
     r"\W*(time|zeit|temps|tiempo|t|x_value|x-value|timestamp|datetime|seconds?|elapsed time)(?![^\W_]).*", re.IGNORECASE
 )
 _TACHO: Final = re.compile(r"\W*(tacho|keyphasor|key phasor|tach|once.per.(rev|turn))", re.IGNORECASE)
+_SPEED_UNITS: Final = ("rpm", "1/min", "r/min", "rev/min", "u/min", "min-1", "min^-1", "/min")
 _OF_NAME: Final = {"mps2": "m/s2", "ms2": "m/s2", "m_s2": "m/s2"}
 """Units as they are written at the end of a name."""
 _TIME_UNITS: Final = {
@@ -42,6 +43,8 @@ _UNITS: Final = {
 }  # fmt: skip
 """Units of acceleration as loggers write them, and what they are in units of record sets."""
 _G: Final = 9.80665
+_SHORT: Final = 0.8
+"""Part of the usual length below which a note says that a record is short. A larger value gives more notes."""
 _EVEN: Final = 0.05
 """Largest deviation of a time axis from even steps, in steps; a larger value accepts gaps in the record."""
 _FAULTS: Final = {
@@ -129,7 +132,8 @@ class Understood:
         return {
             "record": c.name, "channel": self.channel.name, "unit": self.unit or "unknown", "samples": c.n_samples,
             "seconds": c.duration_s, "fs_hz": c.fs_hz, "rate from": self.rate_from, "speed_rpm": c.speed_rpm,
-            "speed from": self.speed_from, "fault": c.fault, "load_n": c.load_n, "time_s": c.time_s, **c.extra,
+            "speed from": self.speed_from, "fault": c.fault, "load_n": c.load_n, "time_s": c.time_s, "group": c.group,
+            **c.extra,
         }  # fmt: skip
 
 
@@ -159,8 +163,8 @@ def bearing_of(text: str) -> Bearing:
     except ValueError:
         raise TwingapError(
             f"unknown bearing {text!r}", where="--bearing",
-            mend=f"use one of {', '.join(BEARINGS)}, or its geometry: number of rollers, roller diameter, pitch "
-            "diameter and contact angle, such as 9,7.94,39.04,0",
+            mend=f"{one_of(text, BEARINGS, 'bearings')}; or give its geometry: number of rollers, roller diameter, "
+            "pitch diameter and contact angle, such as 9,7.94,39.04,0",
         ) from None  # fmt: skip
     return Bearing("unnamed", int(numbers[0]), *numbers[1:])
 
@@ -181,7 +185,17 @@ def understand(paths: Sequence[Path], options: ImportOptions) -> list[Understood
     for name in names:
         if names.count(name) > 1:
             raise TwingapError(f"several records would be called {name!r}", where=name, mend="rename the files")
-    return found
+    usual = float(np.median([record.condition.duration_s for record in found])) if found else 0.0
+    return [_with_note_on_length(record, usual) for record in found]
+
+
+def _with_note_on_length(record: Understood, usual_s: float) -> Understood:
+    """The record, with a note where it is shorter than the usual record of the files: its file may be cut off."""
+    own = record.condition.duration_s
+    if own > _SHORT * usual_s:
+        return record
+    note = f"{own:.4g} s long where half of the records have {usual_s:.4g} s or more: is the file whole?"
+    return replace(record, notes=(*record.notes, note))
 
 
 def unit_of(found: Sequence[Understood]) -> str:
@@ -207,6 +221,13 @@ def _of_file(
     chosen = [file.find(name) for name in options.channels]
     if not chosen:
         chosen = [c for c in file.channels if c.problem is None and c.name not in aside and c.n_samples > 1]
+        speeds = [c for c in chosen if _stated_unit(c).lower() in _SPEED_UNITS]
+        if len(speeds) < len(chosen):
+            chosen = [c for c in chosen if c not in speeds]
+            stated = options.speed_channel or options.tacho_channel or options.speed_rpm or "speed_rpm" in facts
+            if speeds and not stated:
+                options, speeds = replace(options, speed_channel=speeds[0].name), speeds[1:]
+            notes += [f"channel {c.name!r} is left out: give --speed-channel to take the speed from it" for c in speeds]
         tachos = [c for c in chosen if _TACHO.match(c.name)]
         if len(tachos) < len(chosen):
             chosen = [c for c in chosen if c not in tachos]
@@ -357,7 +378,7 @@ def _stated_unit(channel: Channel) -> str:
         return stated
     ending = re.search(r"_(m_s2|[^_\W]+)$", channel.name.strip())
     unit = _OF_NAME.get(ending[1].lower(), ending[1].lower()) if ending else ""
-    return unit if unit in _UNITS or unit in _TIME_UNITS else ""
+    return unit if unit in (*_UNITS, *_TIME_UNITS, *_SPEED_UNITS) else ""
 
 
 def _unit(channel: Channel, options: ImportOptions, notes: list[str]) -> tuple[str, float]:

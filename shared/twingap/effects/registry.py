@@ -24,7 +24,7 @@ from twingap.bearing import FAULTS
 from twingap.config import build
 from twingap.effects.base import Effect, Stage, effect_name, snake_case
 from twingap.effects.by_state import UNITS, State, by_state
-from twingap.errors import TwingapError
+from twingap.errors import TwingapError, one_of
 
 __all__ = [
     "EffectFile",
@@ -131,7 +131,7 @@ def make_effect(name: str, parameters: Mapping[str, float] | None = None, where:
     known = catalogue()
     kind = known.get(name)
     if kind is None:
-        raise TwingapError(f"unknown effect {name!r}", where=where, mend=f"known effects: {', '.join(known)}")
+        raise TwingapError(f"unknown effect {name!r}", where=where, mend=one_of(name, known, "effects"))
     own: dict[str, Any] = dict(parameters or {})
     place = f"{where}: {name}" if where is not None else f"effect {name}"
     tables = {fault: dict(own.pop(fault)) for fault in FAULTS if isinstance(own.get(fault), Mapping)}

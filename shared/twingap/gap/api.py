@@ -48,6 +48,7 @@ from twingap.gap.search.group_names import groups_of
 from twingap.gap.search.measured_effects import with_measured
 from twingap.gap.search.modelled_effects import completed
 from twingap.identification.calibrate import Calibrated, calibrate_prepared, prepare
+from twingap.identification.speed_reading import FEWEST_TURNS
 from twingap.provenance import versions
 from twingap.records import RecordSet
 from twingap.records.folder import read_record_set
@@ -149,6 +150,11 @@ def _diagnosed(
     stated = spec if sim is None else replace(spec, bearing=sim.bearing)
     notes = [note] if (note := overruled(stated, records.bearing, "twin file" if sim is None else sim.name)) else []
     used = _thinned(records, notes)
+    if short := sum(c.duration_s * c.speed_rpm / 60 < FEWEST_TURNS for c in used.conditions):
+        notes.append(
+            f"{short} of {len(used)} records hold fewer than {FEWEST_TURNS:g} turns of the shaft: their speed cannot "
+            "be read and lines of bearing faults are not resolved; record half a second or more"
+        )
     if len(rates := sorted({c.fs_hz for c in records.conditions})) > 1:
         of = " and ".join(f"{rate:g}" for rate in rates) if len(rates) < 4 else f"{rates[0]:g} to {rates[-1]:g}"
         notes.append(f"records have sampling rates of {of} Hz: places near half of one may be those of its filter")

@@ -25,6 +25,8 @@ from twingap.signal.record_transforms import medians, tone_power
 
 Array = NDArray[np.float64]
 
+FEWEST_TURNS: Final = 4.0
+"""Turns of the shaft that a record has to hold for its speed to be read. Fewer leave its lines too wide."""
 REACH: Final = 0.06
 """Largest relative error of nominal speeds that is searched; wider finds larger errors and more chance matches."""
 SLIP_REACH: Final = 0.02
@@ -87,7 +89,7 @@ def read_speed(samples: Array, condition: Condition, bearing: Bearing) -> Readin
     """
     x = np.asarray(samples, float)
     shaft_hz = condition.speed_rpm / 60
-    if x.size < 64 or not np.ptp(x) > 0 or shaft_hz * condition.duration_s < 4:
+    if x.size < 64 or not np.ptp(x) > 0 or shaft_hz * condition.duration_s < FEWEST_TURNS:
         return Reading()
     df = condition.fs_hz / x.size
     comb: _Comb | None = None

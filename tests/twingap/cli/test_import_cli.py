@@ -45,7 +45,7 @@ def test_exports_become_a_record_set(twingap: Run, tmp_path: Path) -> None:
     )  # fmt: skip
     assert said.status == 0 and said.err == ""
     assert said.out.splitlines()[-1] == str(out)
-    for part in ("2 records understood", "the name", "channel 'Zeit'", "numbers have decimal commas", "1.2e+04"):
+    for part in ("2 records understood", "the name", "channel 'Zeit'", "numbers have decimal commas", "12000"):
         assert part in said.out
     records = read_record_set(out)
     assert records.unit == "g" and records.bearing is not None and records.bearing.n_rollers == 9
@@ -139,3 +139,26 @@ def test_a_tacho_is_no_record(twingap: Run, tmp_path: Path) -> None:
     said = twingap(tmp_path / "a.csv", "--speed-rpm", 1500, "--dry-run")
     assert "1 record understood" in said.out and "'Tacho (V)' is left out: give --tacho-channel" in said.out
     assert "Tacho" in twingap(tmp_path / "a.csv", "--speed-rpm", 1500, "--channel", "Tacho (V)", "--dry-run").out
+
+
+def test_a_column_in_rpm_is_the_speed_where_nothing_else_states_it(twingap: Run, tmp_path: Path) -> None:
+    table = np.column_stack([T, X, np.full(T.size, 1500.0)])
+    np.savetxt(tmp_path / "a.csv", table, delimiter=",", header="time,acc [g],n [rpm]", comments="", fmt="%.7f")
+    (record,) = json.loads(twingap(tmp_path / "a.csv", "--dry-run", "--json").out)["records"]
+    assert record["speed_rpm"] == 1500 and record["speed from"] == "channel 'n [rpm]'"
+    about = json.loads(twingap(tmp_path / "a.csv", "--speed-rpm", 1480, "--dry-run", "--json").out)
+    (record,) = about["records"]
+    assert record["speed_rpm"] == 1480 and any("give --speed-channel" in note for note in about["notes"])
+
+
+def test_a_file_that_is_shorter_than_the_others_is_said(twingap: Run, tmp_path: Path) -> None:
+    for name, count in (("a", T.size), ("b", T.size), ("c", T.size // 2)):
+        table = np.column_stack([T, X])[:count]
+        np.savetxt(tmp_path / f"{name}.csv", table, delimiter=",", header="time,acc [g]", comments="", fmt="%.7f")
+    said = twingap(tmp_path, "--speed-rpm", 1500, "--dry-run")
+    assert "c.csv: " in said.out and "is the file whole?" in said.out and "a.csv: " not in said.out
+
+
+def test_a_bearing_that_was_probably_meant_is_named(twingap: Run, tmp_path: Path) -> None:
+    said = twingap(export(tmp_path / "a.csv"), "--speed-rpm", 1500, "--bearing", "6250", "--dry-run")
+    assert said.status == 2 and "did you mean '6205'?" in said.err
