@@ -57,7 +57,7 @@ def demo(
     if as_json:
         say_json({"sentence": report.sentence, "named": report.verdict.effects, "true": world.case.effect_names})
     else:
-        say(*filter(None, (report.sentence, report.closest.sentence)), "")
+        say(*filter(None, (report.sentence, report.closest_sentence)), "")
         show(_compared(report, world), False, title="Found, and true")
     wrote(*paths, out / "truth.json", as_json=as_json)
 

@@ -81,8 +81,8 @@ def _print(report: GapReport) -> None:
     from twingap.gap.report.formats import closure
 
     say(report.sentence)
-    if report.closest.sentence:
-        say(report.closest.sentence)
+    if report.closest_sentence:
+        say(report.closest_sentence)
     if report.places:
         rows = [
             {"where": p.domain, "place": place_words(p), "share": f"{p.share:.0%}", "p": f"{p.p_value:.2g}"}

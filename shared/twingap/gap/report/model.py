@@ -503,6 +503,13 @@ class GapReport:
         return verdict.sentence
 
     @property
+    def closest_sentence(self) -> str:
+        """What the closest twin closes, and by which groups, beside the verdict; empty where nothing was attributed."""
+        said, named = self.closest.sentence, self.verdict.closure
+        no_more = named is not None and round(100 * self.closest.closure) <= round(100 * named)
+        return said.replace("twin closes", "twin closes no more,", 1) if no_more else said
+
+    @property
     def where(self) -> pd.DataFrame:
         """Places, largest share first: domain, lo, hi, unit, condition, share, p_value."""
         columns = ("domain", "lo", "hi", "unit", "condition", "share", "p_value")
@@ -547,7 +554,7 @@ class GapReport:
             if c.effect in self.verdict.effects
         ]
         table = _frame((dict(zip(columns, row, strict=True)) for row in rows), columns)
-        shown = "".join(f"<p>{html.escape(text)}</p>" for text in (self.sentence, self.closest.sentence) if text)
+        shown = "".join(f"<p>{html.escape(text)}</p>" for text in (self.sentence, self.closest_sentence) if text)
         return shown + (table.to_html(index=False, border=0) if rows else "")
 
 

@@ -22,6 +22,11 @@ STATUS: Final[Mapping[str, tuple[str, str]]] = {
     ),
 }  # fmt: skip
 """Status -> title and meaning."""
+_STATISTICS: Final[Mapping[str, str]] = {
+    "AUC": "0.5 where a classifier cannot tell records from simulated ones, 1 where it always can",
+    "MMD": "0 where both have the same distribution",
+}
+"""Statistic of a two-sample test -> what its values mean."""
 
 
 @dataclass(frozen=True)
@@ -52,15 +57,20 @@ def headline(report: GapReport) -> Headline:
     if (total := stated.get("n_records")) is not None:
         held_out = stated.get("n_held_out")
         facts.append(("records", f"{total}" + (f", evaluated on {held_out}" if held_out is not None else "")))
-    tests = [f"{t.name}: {t.statistic:.4g}, {_p(t.p_value)}" for t in report.tests]
+    tests = [f"{t.name}: {t.statistic:.4g}, {_p(t.p_value)}{_meaning(t.name)}" for t in report.tests]
     records = str(stated.get("records") or "records")
     meaning = " ".join(filter(None, (meaning, _closing(verdict))))
-    groups = report.closest.sentence
+    groups = report.closest_sentence
     cautions = (*contradictions(report), *warnings(report))
     first, _, rest = report.sentence.partition(": ")
     # What is missing is the title; how much adding it closes and how sure that is follow in smaller type.
     main, detail = (f"{first}.", rest[:1].upper() + rest[1:]) if rest else (first, "")
     return Headline(verdict.status, title, main, detail, meaning, records, facts, cautions, tests, groups)
+
+
+def _meaning(test: str) -> str:
+    """What the values of a test's statistic mean."""
+    return next((f" ({means})" for name, means in _STATISTICS.items() if name in test), "")
 
 
 def _closing(verdict: Verdict) -> str:
