@@ -16,7 +16,7 @@ from scipy.stats import spearmanr
 
 from papers.framework import Work
 from papers.paper2_digital_twin.degradation.candidates import Judged
-from papers.paper2_digital_twin.degradation.jobs import Analysis, Coverage, Options
+from papers.paper2_digital_twin.degradation.jobs import Analysis, Coverage, KnownLaw, Options
 from twingap.prognosis.degradation_models import MODELS
 from twingap.prognosis.health_indicator import evaluate_candidates, offline_indicators, online_indicators
 from twingap.sweep import Result
@@ -38,6 +38,7 @@ class Found:
     runs : list[Judged]
     analyses : list[Result[Analysis]]
     coverage : list[Result[Coverage]]
+    known : list[Result[KnownLaw]]
     tables : dict[str, pandas.DataFrame]
     """
 
@@ -46,12 +47,15 @@ class Found:
     runs: list[Judged]
     analyses: list[Result[Analysis]]
     coverage: list[Result[Coverage]]
+    known: list[Result[KnownLaw]]
     tables: dict[str, pd.DataFrame]
 
     @classmethod
     def of(cls, work: Work) -> Found:
         """The results of a run."""
-        return cls(work.title, work.options, work["judged"], work["analyses"], work["coverage"], work.tables)
+        return cls(
+            work.title, work.options, work["judged"], work["analyses"], work["coverage"], work["known law"], work.tables
+        )
 
     @property
     def shown(self) -> Judged:
@@ -85,10 +89,11 @@ def all_tables(work: Work) -> dict[str, pd.DataFrame]:
         "degradation-lives": lives,
         "degradation-lives-summary": life_summary(lives),
     }
-    tables["degradation-claims"] = claims(study, tables)
+    known = known_law(study.known)
+    tables["degradation-claims"] = claims(study, {**tables, "degradation-known-law": known})
     for table in tables.values():
         table["data"] = study.data
-    tables["degradation-coverage"] = coverage(study.coverage)
+    tables["degradation-coverage"], tables["degradation-known-law"] = coverage(study.coverage), known
     return tables
 
 
@@ -331,6 +336,19 @@ def coverage(found: Sequence[Result[Coverage]]) -> pd.DataFrame:
     ])  # fmt: skip
 
 
+def known_law(found: Sequence[Result[KnownLaw]]) -> pd.DataFrame:
+    """In which share of simulated runs of known law the claim's first model is preferred to its second."""
+    return pd.DataFrame([
+        {
+            "made with": r.job.truth, "memory of noise": r.job.memory, "runs": r.job.runs,
+            "preferred": r.job.pair[0], "to": r.job.pair[1], "by BIC with AR(1) residuals": r.value["criterion"],
+            "by error on all later records": r.value["error"], "ratio of median errors": r.value["ratio"],
+            "data": "simulated",
+        }
+        for r in found
+    ])  # fmt: skip
+
+
 def claims(study: Found, tables: dict[str, pd.DataFrame]) -> pd.DataFrame:
     """The paper's statements and the issue's, beside what was found. Verdicts follow from the numbers in the row."""
     options, shown = study.options, study.shown.run.name
@@ -403,6 +421,18 @@ def claims(study: Found, tables: dict[str, pd.DataFrame]) -> pd.DataFrame:
             f"{shown} {'no such indicator' if own is None else f'{own:.3f}'}; {lower} of {len(femto)} FEMTO runs",
             own is not None and own < 1 and lower >= 4,
         ))  # fmt: skip
+    # The same comparison where the law is known: it should prefer the true model in nine runs of ten.
+    for truth, right in ((primary, True), (rival, False)):
+        for row in tables["degradation-known-law"].to_dict("records"):
+            if row["made with"] != truth:
+                continue
+            shares = [row["by BIC with AR(1) residuals"], row["by error on all later records"]]
+            rows.append(_claim(
+                f"{primary} is {'' if right else 'not '}preferred to {rival} where runs are made with {truth}",
+                f"simulated, memory of noise {row['memory of noise']:g}, {row['runs']} runs",
+                f"preferred by BIC with AR(1) residuals in {shares[0]:.0%}, by error on all later records in "
+                f"{shares[1]:.0%}", all((share if right else 1 - share) >= 0.9 for share in shares),
+            ))  # fmt: skip
     return pd.DataFrame(rows)
 
 
