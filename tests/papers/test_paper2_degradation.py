@@ -33,7 +33,7 @@ from papers.paper2_digital_twin.degradation.runs import (
     table_features,
 )
 from papers.paper2_digital_twin.degradation.study import STUDY
-from papers.paper2_digital_twin.degradation.tables import Found
+from papers.paper2_digital_twin.degradation.tables import shown
 from twingap.errors import TwingapError
 from twingap.prognosis.degradation_models import MODELS, fit_curve
 from twingap.prognosis.health_indicator import Run, offline_indicators, running
@@ -92,7 +92,7 @@ def test_every_table_and_figure_says_that_runs_are_simulated(study: Work, folder
 
 
 def test_tables_are_what_the_fits_say(study: Work) -> None:
-    j = Found.of(study).shown
+    j = shown(study)
     fits = study.tables["degradation-fits"]
     here = fits[(fits["run"] == j.run.name) & (fits["indicator"] == "rms")].set_index("model")
     assert list(here.index) == list(MODELS)
