@@ -23,7 +23,7 @@ from papers.paper2_digital_twin.degradation.candidates import (
     judge_all,
     limits_of,
 )
-from papers.paper2_digital_twin.degradation.jobs import TRUTHS, Coverage, cover
+from papers.paper2_digital_twin.degradation.jobs import TRUTHS, Coverage, KnownLaw, cover, tell
 from papers.paper2_digital_twin.degradation.runs import (
     STAND_INS,
     Reading,
@@ -33,12 +33,13 @@ from papers.paper2_digital_twin.degradation.runs import (
     table_features,
 )
 from papers.paper2_digital_twin.degradation.study import STUDY
-from papers.paper2_digital_twin.degradation.tables import Found
+from papers.paper2_digital_twin.degradation.tables import shown
 from twingap.errors import TwingapError
 from twingap.prognosis.degradation_models import MODELS, fit_curve
 from twingap.prognosis.health_indicator import Run, offline_indicators, running
 from twingap.sweep import Result, sweep
 
+OF_KNOWN_CURVES = ("degradation-coverage", "degradation-known-law")
 TINY = """
 [profiles.tiny]
 ims = 1
@@ -82,7 +83,7 @@ def fake(name: str, seed: int, family: str = "made", rows: int = 80) -> StudyRun
 def test_every_table_and_figure_says_that_runs_are_simulated(study: Work, folder: Path) -> None:
     assert study.title == "simulated runs, neither IMS nor FEMTO"
     for name, table in study.tables.items():
-        assert set(table["data"]) == {"simulated" if name == "degradation-coverage" else study.title}
+        assert set(table["data"]) == {"simulated" if name in OF_KNOWN_CURVES else study.title}
     assert {p.stem for p in (folder / "tables").iterdir()} == set(study.tables)
     shown = {p.stem for p in (folder / "figures").iterdir()}
     numbered = {name.split("-")[1] for name in shown if name.split("-")[1].isdigit()}
@@ -91,7 +92,7 @@ def test_every_table_and_figure_says_that_runs_are_simulated(study: Work, folder
 
 
 def test_tables_are_what_the_fits_say(study: Work) -> None:
-    j = Found.of(study).shown
+    j = shown(study)
     fits = study.tables["degradation-fits"]
     here = fits[(fits["run"] == j.run.name) & (fits["indicator"] == "rms")].set_index("model")
     assert list(here.index) == list(MODELS)
@@ -240,6 +241,13 @@ def test_coverage_is_counted_on_curves_from_one_to_five() -> None:
     assert 0.75 <= found["inside"] <= 1 and found["true"] == pytest.approx(0.3, abs=0.01)
     wrong = cover(Coverage("polynomial 2", "constant", 0.0, 0.7, 5, 120, 60, 0.1, 0.9, 0))
     assert wrong["inside"] == 0 and wrong["bounded"] == 0
+
+
+def test_models_are_told_apart_where_the_law_is_known() -> None:
+    pair = ("combined power 3", "exponential with offset")
+    found = [tell(KnownLaw(truth, pair, 0.0, 3, 150, 0.02, 0)) for truth in pair]
+    assert [own["criterion"] for own in found] == [1, 0]
+    assert [own["error"] for own in found] == [1, 0] and found[0]["ratio"] < 1 < found[1]["ratio"]
 
 
 def test_offline_reading_of_fusion_nine_is_what_the_study_fits(study: Work) -> None:

@@ -299,7 +299,7 @@ def alarm(job: AlarmJob, data: Mapping[str, Measured]) -> dict[str, Any]:
 def false_alarms(job: CheckJob) -> dict[str, Any]:
     """A simulated healthy machine: three recordings calibrate, the others are judged."""
     made = healthy_recordings(job.plant, job.seed, job.recordings, job.seconds)
-    each = [window_features(pieces_of(x, WINDOW)) for x in made]
+    each = [window_features(pieces_of(x, WINDOW), np.median) for x in made]
     group = np.concatenate([[f"r{i}"] * len(f) for i, f in enumerate(each[:3])])
     own = healthy_map(np.concatenate(each[:3]), group, job.false_alarm, np.random.default_rng(job.seed), job.maps)
     shares = [float(own.alarms(f).mean()) for f in each[3:]]

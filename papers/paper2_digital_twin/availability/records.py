@@ -55,7 +55,7 @@ class Measured:
         `PIECE_FEATURES`.
     recording : NDArray[str] [pieces]
     windows : Array [windows, features]
-        `WINDOW_FEATURES` of short windows.
+        `WINDOW_FEATURES` of short windows for the healthy map: levels of bands are medians over their lines.
     window_recording : NDArray[str] [windows]
     labels, bearings, sizes, speeds_rpm, fs_hz : dict[str, Any]
         By recording: place in `classes`, bearing, defect size as the data set states it, speed, rate.
@@ -134,23 +134,23 @@ def measure(records: RecordSet, name: str, options: ImageOptions) -> Measured:
         if len(each) == 1:
             cut = pieces_of(each[0], length)
             found = modulation(cut, first.fs_hz, first.speed_rpm, options)
-            small = [window_features(pieces_of(piece, WINDOW)) for piece in cut]
+            short = [pieces_of(piece, WINDOW) for piece in cut]
         else:
             per = max(1, round(length / each[0].size))
             count = len(each) // per
-            short = np.stack(each[: count * per])
-            raw = modulation(short, first.fs_hz, first.speed_rpm, options)
+            every = np.stack(each[: count * per])
+            raw = modulation(every, first.fs_hz, first.speed_rpm, options)
             found = Modulation(
                 raw.lines.reshape(count, per, *raw.lines.shape[1:]).mean(axis=1),
                 raw.power.reshape(count, per, -1).mean(axis=1),
             )
-            small = list(window_features(short[:, :WINDOW]).reshape(count, per, -1))
+            short = np.split(every[:, :WINDOW], count)
         lines.append(found.lines)
         power.append(found.power)
-        own = np.stack([s.mean(axis=0) for s in small])
+        own = np.stack([window_features(s).mean(axis=0) for s in short])
         features.append(np.concatenate((own, line_features(found, bearing, options)), axis=-1))
         recording += [group] * len(found)
-        windows.append(np.concatenate(small))
+        windows.append(window_features(np.concatenate(short), np.median))
         window_recording += [group] * len(windows[-1])
     return Measured(
         name, bearing, classes, Modulation(np.concatenate(lines), np.concatenate(power)), np.concatenate(features),

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from papers.framework import Work
 from papers.paper2_digital_twin.degradation.candidates import Judged
-from papers.paper2_digital_twin.degradation.tables import COMBINED, EXPONENTIALS, Found
+from papers.paper2_digital_twin.degradation.tables import COMBINED, EXPONENTIALS, shown
 from twingap.prognosis.degradation_figure import LINES
 from twingap.prognosis.degradation_models import MODELS
 from twingap.prognosis.health_indicator import offline_indicators
@@ -31,17 +31,19 @@ LEAST, MOST = 1e-3, 1e3
 
 def all_figures(work: Work) -> Iterator[tuple[str, Figure]]:
     """Every figure with its name."""
-    study = Found.of(work)
-    if study.raw is not None:
-        yield "degradation-13-waveform", waveform(study.raw)
-        yield "degradation-14-spectral-kurtosis", spectral_kurtosis_map(study.raw)
-    yield "degradation-15-fusion-features", fusion_features(study.shown)
-    if "fusion 9" in offline_indicators(study.shown.run.run).values:
-        yield "degradation-16-fusion-9-and-others", fusion_scatter(study.shown)
-    yield "degradation-17-indicator", indicators(study.shown)
-    yield "degradation-18-exponential", fitted(study, EXPONENTIALS)
-    yield "degradation-19-combined-power", fitted(study, COMBINED)
-    yield "degradation-errors", errors(study)
+    own = shown(work)
+    there = [j for j in work["judged"] if j.run.extremes is not None]
+    if there:
+        raw = next((j for j in there if j.run.name == work.options.raw_run), there[0])
+        yield "degradation-13-waveform", waveform(raw)
+        yield "degradation-14-spectral-kurtosis", spectral_kurtosis_map(raw)
+    yield "degradation-15-fusion-features", fusion_features(own)
+    if "fusion 9" in offline_indicators(own.run.run).values:
+        yield "degradation-16-fusion-9-and-others", fusion_scatter(own)
+    yield "degradation-17-indicator", indicators(own)
+    yield "degradation-18-exponential", fitted(work, EXPONENTIALS)
+    yield "degradation-19-combined-power", fitted(work, COMBINED)
+    yield "degradation-errors", errors(work)
 
 
 def waveform(j: Judged) -> Figure:
@@ -138,15 +140,15 @@ def indicators(j: Judged) -> Figure:
     return figure
 
 
-def fitted(study: Found, models: tuple[str, ...]) -> Figure:
+def fitted(work: Work, models: tuple[str, ...]) -> Figure:
     """Two models on every indicator of the paper's run, R2 in the legend."""
-    j = study.shown
+    j = shown(work)
     count = len(j.series)
     figure = Figure(figsize=(11, 2.7 * count + 0.6), layout="constrained")
     panels = figure.subplots(count, 1, squeeze=False, sharex=True).ravel()
     for panel, (name, x) in zip(panels, j.series.items(), strict=True):
         t = j.times[name]
-        found = _analysis(study, j.run.name, name)
+        found = _analysis(work, j.run.name, name)
         panel.plot(t / 3600, x, ".", ms=2.5, color=RECORDS)
         for model in models:
             colour, style = LINES[model]
@@ -160,12 +162,12 @@ def fitted(study: Found, models: tuple[str, ...]) -> Figure:
     return figure
 
 
-def errors(study: Found) -> Figure:
+def errors(work: Work) -> Figure:
     """RMS as indicator: error on all later records against the share of life fitted, every run."""
-    table = study.tables["degradation-errors"]
+    table = work.tables["degradation-errors"]
     table = table[(table["indicator"] == "rms") & (table["fit"] == "squares")]
-    figure, panels = _per_run(study)
-    for panel, j in zip(panels, study.runs, strict=False):
+    figure, panels = _per_run(work)
+    for panel, j in zip(panels, work["judged"], strict=False):
         here = table[table["run"] == j.run.name]
         for model in SHOWN_MODELS:
             own = here[here["model"] == model]
@@ -179,24 +181,24 @@ def errors(study: Found) -> Figure:
         panel.grid(color="0.9")
         panel.set_xlabel("share of life fitted")
         panel.set_ylabel("RMSE / range")
-    figure.suptitle(f"Errors on all later records, indicator: RMS ({study.data}); beyond {MOST:g} cut off")
+    figure.suptitle(f"Errors on all later records, indicator: RMS ({work.title}); beyond {MOST:g} cut off")
     figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=5)
     return figure
 
 
-def _per_run(study: Found) -> tuple[Figure, list[Any]]:
+def _per_run(work: Work) -> tuple[Figure, list[Any]]:
     """A panel a run."""
-    columns = min(len(study.runs), 4)
-    rows = -(-len(study.runs) // columns)
+    columns = min(len(work["judged"]), 4)
+    rows = -(-len(work["judged"]) // columns)
     figure = Figure(figsize=(4.3 * columns, 3.4 * rows + 1.0), layout="constrained")
     panels = list(figure.subplots(rows, columns, squeeze=False).ravel())
-    for panel in panels[len(study.runs) :]:
+    for panel in panels[len(work["judged"]) :]:
         panel.set_visible(False)
     return figure, panels
 
 
-def _analysis(study: Found, run: str, indicator: str) -> dict[str, Any]:
-    (found,) = (r.value for r in study.analyses if (r.job.run, r.job.indicator) == (run, indicator))
+def _analysis(work: Work, run: str, indicator: str) -> dict[str, Any]:
+    (found,) = (r.value for r in work["analyses"] if (r.job.run, r.job.indicator) == (run, indicator))
     values: dict[str, Any] = found
     return values
 

@@ -2,6 +2,7 @@
 
 Analysis --fit whole, plain and robust; fit each first tenth--> criteria, errors on later records, remaining life
 Coverage --simulated runs of a known curve--> how often the interval of the life holds the true one
+KnownLaw --simulated runs of a known curve--> how often the claim's two models are told apart, and rightly
 
 Used in: Paper 2, section 4.
 """
@@ -141,13 +142,29 @@ class Coverage:
     seed: int
 
 
+@dataclass(frozen=True)
+class KnownLaw:
+    """Simulated runs of one curve, fitted by the two models of the claim; entries as in `Coverage`."""
+
+    truth: str
+    pair: tuple[str, ...]
+    memory: float
+    runs: int
+    rows: int
+    noise: float
+    seed: int
+
+
 TRUTHS: Final = {
     "combined power 3": lambda u: 1 + 4 * u**4,
     "combined power 5": lambda u: 1 + 0.5 * u**0.5 + 3.5 * u**8,
     "exponential with offset": lambda u: 1 + 4 * (np.exp(5 * (u - 1)) - np.exp(-5)) / (1 - np.exp(-5)),
     "polynomial 2": lambda u: 1 + u + 3 * u**2,
 }
-"""Curves of which simulated runs are made: from 1 to 5 over a life."""
+"""Curves of which simulated runs are made: from 1 to `END` over a life."""
+END: Final = 5.0
+MEMORIES: Final = (0.0, 0.7)
+"""Of the noise of simulated runs."""
 
 
 def analyse(job: Analysis, series: Series) -> dict[str, Any]:
@@ -195,17 +212,12 @@ def cover(job: Coverage) -> dict[str, Any]:
     if job.truth not in TRUTHS:
         raise TwingapError(f"no curve {job.truth!r}", where="coverage")
     rng = np.random.default_rng([round(100 * job.memory), round(100 * job.share), job.seed, 7])
-    t = 10.0 * np.arange(job.rows)
-    curve = TRUTHS[job.truth](t / t[-1])
-    rows = rows_until(t, job.share)
     inside, widths, bounded, off = 0, [], 0, []
-    true = float(t[-1] - t[rows - 1])
-    for _ in range(job.runs):
-        shocks = job.noise * rng.standard_normal(job.rows)
-        shocks[1:] *= np.sqrt(1 - job.memory**2)
-        values = curve + lfilter([1.0], [1.0, -job.memory], shocks)
+    for t, values in _simulated(job, rng):
+        rows = rows_until(t, job.share)
+        true = float(t[-1] - t[rows - 1])
         fit = fit_curve(MODELS[job.model], t[:rows], values[:rows])
-        r = remaining_life(redrawn(fit, job.curves, rng), float(curve[-1]), level=job.level)
+        r = remaining_life(redrawn(fit, job.curves, rng), END, level=job.level)
         inside += r.low_s <= true <= r.high_s
         bounded += bool(np.isfinite(r.high_s))
         widths.append((min(r.high_s, 1e9) - min(r.low_s, 1e9)) / t[-1])
@@ -214,6 +226,31 @@ def cover(job: Coverage) -> dict[str, Any]:
         "inside": inside / job.runs, "bounded": bounded / job.runs, "width": float(np.median(widths)),
         "error": float(np.median(off)), "true": true / float(t[-1]),
     }  # fmt: skip
+
+
+def tell(job: KnownLaw) -> dict[str, float]:
+    """Shares of the runs in which the first model is preferred, by criterion and by error, as on measured runs."""
+    rng = np.random.default_rng([round(100 * job.memory), job.seed, 11])
+    criterion, ratios = [], []
+    for t, values in _simulated(job, rng):
+        first, second = (criteria(fit_curve(MODELS[name], t, values)).bic_ar1 for name in job.pair)
+        criterion.append(first < second)
+        one, other = ([e.rmse_rest for e in out_of_sample(MODELS[name], t, values)] for name in job.pair)
+        ratios.append(np.median(one) / np.median(other))
+    return {
+        "criterion": float(np.mean(criterion)), "error": float(np.mean(np.array(ratios) < 1)),
+        "ratio": float(np.median(ratios)),
+    }  # fmt: skip
+
+
+def _simulated(job: Coverage | KnownLaw, rng: np.random.Generator) -> Iterator[tuple[Array, Array]]:
+    """Times and values [rows] of one run after the other: the curve in AR(1) noise."""
+    t = 10.0 * np.arange(job.rows)
+    curve = TRUTHS[job.truth](t / t[-1])
+    for _ in range(job.runs):
+        shocks = job.noise * rng.standard_normal(job.rows)
+        shocks[1:] *= np.sqrt(1 - job.memory**2)
+        yield t, curve + lfilter([1.0], [1.0, -job.memory], shocks)
 
 
 def runs(work: Work) -> list[StudyRun]:
@@ -254,9 +291,20 @@ def checks(work: Work) -> Iterator[Coverage]:
     """Kinds of simulated runs: the right model and the wrong one, with and without memory, early and late in life."""
     options, size = work.options, work.size
     for truth, model in [(name, name) for name in TRUTHS] + [tuple(options.primary), tuple(options.primary[::-1])]:
-        for memory in (0.0, 0.7):
+        for memory in MEMORIES:
             for share in (0.5, 0.7, 0.9):
                 yield Coverage(
                     truth, model, memory, share, size.coverage_runs, options.simulated_rows, min(size.curves, 100),
                     options.simulated_noise, options.interval_level, work.seed,
                 )  # fmt: skip
+
+
+def known_laws(work: Work) -> Iterator[KnownLaw]:
+    """Simulated runs on which the claim can be true: of every curve, with and without memory of the noise."""
+    options = work.options
+    for truth in TRUTHS:
+        for memory in MEMORIES:
+            yield KnownLaw(
+                truth, options.primary, memory, max(1, work.size.coverage_runs // 4), options.simulated_rows,
+                options.simulated_noise, work.seed,
+            )  # fmt: skip

@@ -16,6 +16,7 @@ STUDY = Study(
         Step("judged", jobs.judged),
         Step("analyses", jobs.analyse, jobs.analyses, jobs.series),
         Step("coverage", jobs.cover, jobs.checks),
+        Step("known law", jobs.tell, jobs.known_laws),
     ),
     tables=tables.all_tables,
     figures=figures.all_figures,

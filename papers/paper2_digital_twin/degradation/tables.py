@@ -6,7 +6,6 @@ runs --> runs, fusion9, choice;  analyses --> fits, errors, pairs, lives;  cover
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -16,7 +15,7 @@ from scipy.stats import spearmanr
 
 from papers.framework import Work
 from papers.paper2_digital_twin.degradation.candidates import Judged
-from papers.paper2_digital_twin.degradation.jobs import Analysis, Coverage, Options
+from papers.paper2_digital_twin.degradation.jobs import Coverage, KnownLaw
 from twingap.prognosis.degradation_models import MODELS
 from twingap.prognosis.health_indicator import evaluate_candidates, offline_indicators, online_indicators
 from twingap.sweep import Result
@@ -26,69 +25,37 @@ COMBINED = ("combined power 3", "combined power 5")
 EXPONENTIALS = ("exponential", "exponential with offset")
 
 
-@dataclass(frozen=True)
-class Found:
-    """What the study's steps made.
-
-    Parameters
-    ----------
-    data : str
-        Where the runs come from.
-    options : Options
-    runs : list[Judged]
-    analyses : list[Result[Analysis]]
-    coverage : list[Result[Coverage]]
-    tables : dict[str, pandas.DataFrame]
-    """
-
-    data: str
-    options: Options
-    runs: list[Judged]
-    analyses: list[Result[Analysis]]
-    coverage: list[Result[Coverage]]
-    tables: dict[str, pd.DataFrame]
-
-    @classmethod
-    def of(cls, work: Work) -> Found:
-        """The results of a run."""
-        return cls(work.title, work.options, work["judged"], work["analyses"], work["coverage"], work.tables)
-
-    @property
-    def shown(self) -> Judged:
-        """The run of the paper's figures, or the first where it is not at hand."""
-        return next((j for j in self.runs if j.run.name == self.options.paper_run), self.runs[0])
-
-    @property
-    def raw(self) -> Judged | None:
-        """The run whose records are shown, where there are raw ones."""
-        there = [j for j in self.runs if j.run.extremes is not None]
-        return next((j for j in there if j.run.name == self.options.raw_run), there[0] if there else None)
+def shown(work: Work) -> Judged:
+    """The run of the paper's figures, or the first where it is not at hand."""
+    found: list[Judged] = work["judged"]
+    return next((j for j in found if j.run.name == work.options.paper_run), found[0])
 
 
 def all_tables(work: Work) -> dict[str, pd.DataFrame]:
     """Every table by name."""
-    study = Found.of(work)
-    errors = error_rows(study)
+    judged = work["judged"]
+    errors = error_rows(work)
     summary = error_summary(errors)
-    lives = life_rows(study)
-    found, pair = fits(study), pairs(errors)
+    lives = life_rows(work)
+    found, pair = fits(work), pairs(errors)
     tables = {
-        "degradation-runs": runs(study.runs),
-        "degradation-fusion9": fusion9(study.runs),
-        "degradation-choice": choice(study.runs),
+        "degradation-runs": runs(judged),
+        "degradation-fusion9": fusion9(judged),
+        "degradation-choice": choice(judged),
         "degradation-fits": found,
         "degradation-errors": errors,
         "degradation-errors-summary": summary,
         "degradation-pairs": pair,
-        "degradation-out-of-sample": out_of_sample(pair, study.shown.run.name),
+        "degradation-out-of-sample": out_of_sample(pair, shown(work).run.name),
         "degradation-criteria": criteria_summary(found),
         "degradation-lives": lives,
         "degradation-lives-summary": life_summary(lives),
     }
-    tables["degradation-claims"] = claims(study, tables)
+    known = known_law(work["known law"])
+    tables["degradation-claims"] = claims(work, {**tables, "degradation-known-law": known})
     for table in tables.values():
-        table["data"] = study.data
-    tables["degradation-coverage"] = coverage(study.coverage)
+        table["data"] = work.title
+    tables["degradation-coverage"], tables["degradation-known-law"] = coverage(work["coverage"]), known
     return tables
 
 
@@ -179,10 +146,10 @@ def choice(found: Sequence[Judged]) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def fits(study: Found) -> pd.DataFrame:
+def fits(work: Work) -> pd.DataFrame:
     """Fits to whole runs: errors, and information criteria as differences to the best model of the indicator."""
     rows: list[dict[str, Any]] = []
-    for job, values in _analyses(study):
+    for job, values in _analyses(work):
         least = {name: min(v[name] for v in values.values()) for name in ("aicc", "bic", "aicc ar1", "bic ar1")}
         for model, v in values.items():
             rows.append({
@@ -196,11 +163,11 @@ def fits(study: Found) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def error_rows(study: Found) -> pd.DataFrame:
+def error_rows(work: Work) -> pd.DataFrame:
     """Errors on records after each tenth of life, also over the range that the indicator's trend runs through."""
-    ranges = {(j.run.name, name): _reach(j, x) for j in study.runs for name, x in j.series.items()}
+    ranges = {(j.run.name, name): _reach(j, x) for j in work["judged"] for name, x in j.series.items()}
     rows = []
-    for job, values in _analyses(study):
+    for job, values in _analyses(work):
         reach = ranges[job.run, job.indicator]
         for model, v in values.items():
             for fit, key in (("squares", "errors"), ("robust", "robust errors")):
@@ -281,11 +248,11 @@ def criteria_summary(found: pd.DataFrame) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def life_rows(study: Found) -> pd.DataFrame:
+def life_rows(work: Work) -> pd.DataFrame:
     """Remaining life that each model would have predicted at each tenth, as shares of the whole life."""
-    hours = {j.run.name: float(j.run.run.time_s[-1]) / 3600 for j in study.runs}
+    hours = {j.run.name: float(j.run.run.time_s[-1]) / 3600 for j in work["judged"]}
     rows = []
-    for job, values in _analyses(study):
+    for job, values in _analyses(work):
         for model, v in values.items():
             for source, found in v["lives"].items():
                 for share, true, life, low, high, never in found:
@@ -331,24 +298,38 @@ def coverage(found: Sequence[Result[Coverage]]) -> pd.DataFrame:
     ])  # fmt: skip
 
 
-def claims(study: Found, tables: dict[str, pd.DataFrame]) -> pd.DataFrame:
+def known_law(found: Sequence[Result[KnownLaw]]) -> pd.DataFrame:
+    """In which share of simulated runs of known law the claim's first model is preferred to its second."""
+    return pd.DataFrame([
+        {
+            "made with": r.job.truth, "memory of noise": r.job.memory, "runs": r.job.runs,
+            "preferred": r.job.pair[0], "to": r.job.pair[1], "by BIC with AR(1) residuals": r.value["criterion"],
+            "by error on all later records": r.value["error"], "ratio of median errors": r.value["ratio"],
+            "data": "simulated",
+        }
+        for r in found
+    ])  # fmt: skip
+
+
+def claims(work: Work, tables: dict[str, pd.DataFrame]) -> pd.DataFrame:
     """The paper's statements and the issue's, beside what was found. Verdicts follow from the numbers in the row."""
-    options, shown = study.options, study.shown.run.name
+    options, own_run = work.options, shown(work).run.name
     primary, rival = options.primary
     found, nine, pair = tables["degradation-fits"], tables["degradation-fusion9"], tables["degradation-pairs"]
     rows: list[dict[str, Any]] = []
-    for name in study.shown.series:
-        here = found[(found["run"] == shown) & (found["indicator"] == name)].set_index("model")
+    for name in shown(work).series:
+        here = found[(found["run"] == own_run) & (found["indicator"] == name)].set_index("model")
         r2 = {str(m): float(v) for m, v in here["R2"].items()}
         rows.append(_claim(
-            "the exponential fit is poor, the combined power fit is satisfactory", f"{shown}, {name}, R2 of whole run",
+            "the exponential fit is poor, the combined power fit is satisfactory",
+            f"{own_run}, {name}, R2 of whole run",
             "; ".join(f"{m} {r2[m]:.3f}" for m in (*EXPONENTIALS, *COMBINED)),
             # Poor and satisfactory are no numbers: a half and nine tenths of the variance are this study's.
             max(r2[m] for m in EXPONENTIALS) < 0.5 and max(r2[m] for m in COMBINED) >= 0.9,
         ))  # fmt: skip
         delta = here["bic ar1 above best"]
         rows.append(_claim(
-            "combined power is preferred to exponential", f"{shown}, {name}, BIC with AR(1) residuals",
+            "combined power is preferred to exponential", f"{own_run}, {name}, BIC with AR(1) residuals",
             "; ".join(f"{m} +{delta[m]:.1f}" for m in (*EXPONENTIALS, *COMBINED)),
             bool(min(delta[m] for m in COMBINED) < min(delta[m] for m in EXPONENTIALS)),
         ))  # fmt: skip
@@ -359,8 +340,8 @@ def claims(study: Found, tables: dict[str, pd.DataFrame]) -> pd.DataFrame:
                 "combined power is preferred to exponential", f"all runs, {row['indicator']}, BIC with AR(1) residuals",
                 f"in {better} of {row['runs']} runs", better > row["runs"] / 2,
             ))  # fmt: skip
-    for family in dict.fromkeys(j.run.family for j in study.runs):
-        there = {j.run.name for j in study.runs if j.run.family == family}
+    for family in dict.fromkeys(j.run.family for j in work["judged"]):
+        there = {j.run.name for j in work["judged"] if j.run.family == family}
         part = nine[nine["run"].isin(there)]
         part = part[part["sensitivity rank"].notna()] if "sensitivity rank" in part else part.iloc[:0]
         first = int((part["sensitivity rank"] == 1).sum()) if len(part) else 0
@@ -395,14 +376,26 @@ def claims(study: Found, tables: dict[str, pd.DataFrame]) -> pd.DataFrame:
         here = here[(here["combined"] == primary) & (here["exponential"] == rival)].set_index("run")
         ratio = here[f"{options.error}: ratio of medians"].astype(float)
         femto = ratio[[r for r in ratio.index if r.startswith("FEMTO")]]
-        own = ratio.get(shown)
+        own = ratio.get(own_run)
         lower = int((femto < 1).sum())
         rows.append(_claim(
-            f"out-of-sample error of {primary} below {rival} on {shown} and at least 4 of 6 FEMTO runs",
+            f"out-of-sample error of {primary} below {rival} on {own_run} and at least 4 of 6 FEMTO runs",
             f"{name}, ratio of median errors on {'all later records' if options.error == 'rest' else 'the next tenth'}",
-            f"{shown} {'no such indicator' if own is None else f'{own:.3f}'}; {lower} of {len(femto)} FEMTO runs",
+            f"{own_run} {'no such indicator' if own is None else f'{own:.3f}'}; {lower} of {len(femto)} FEMTO runs",
             own is not None and own < 1 and lower >= 4,
         ))  # fmt: skip
+    # The same comparison where the law is known: it should prefer the true model in nine runs of ten.
+    for truth, right in ((primary, True), (rival, False)):
+        for row in tables["degradation-known-law"].to_dict("records"):
+            if row["made with"] != truth:
+                continue
+            shares = [row["by BIC with AR(1) residuals"], row["by error on all later records"]]
+            rows.append(_claim(
+                f"{primary} is {'' if right else 'not '}preferred to {rival} where runs are made with {truth}",
+                f"simulated, memory of noise {row['memory of noise']:g}, {row['runs']} runs",
+                f"preferred by BIC with AR(1) residuals in {shares[0]:.0%}, by error on all later records in "
+                f"{shares[1]:.0%}", all((share if right else 1 - share) >= 0.9 for share in shares),
+            ))  # fmt: skip
     return pd.DataFrame(rows)
 
 
@@ -410,8 +403,8 @@ def _claim(statement: str, where: str, found: str, holds: bool) -> dict[str, Any
     return {"claim": statement, "where": where, "found": found, "verdict": "confirmed" if holds else "not confirmed"}
 
 
-def _analyses(study: Found) -> Iterator[tuple[Any, dict[str, Any]]]:
-    for result in study.analyses:
+def _analyses(work: Work) -> Iterator[tuple[Any, dict[str, Any]]]:
+    for result in work["analyses"]:
         yield result.job, result.value
 
 

@@ -6,8 +6,9 @@ pieces --order spectra of all carriers (`scalograms`)--> fault lines --+--> piec
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from itertools import pairwise
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,13 +31,16 @@ _TOLERANCE = 0.02
 _HARMONICS = 2
 
 
-def window_features(x: Array) -> Array:
+def window_features(x: Array, level: Callable[..., Any] = np.mean) -> Array:
     """Level, shape and level in bands, as logarithms: a fault multiplies them, and so does a machine's size.
 
     Parameters
     ----------
     x : Array [windows, samples]
         The mean is taken out.
+    level : callable
+        Of the power of a band's lines. The median passes over tones, electrical ones for instance, which a bearing
+        does not make and load or speed change; what impacts excite is broad and moves it as it moves the mean.
 
     Returns
     -------
@@ -48,7 +52,7 @@ def window_features(x: Array) -> Array:
     table = time_features(centred)
     power = np.abs(fft.rfft(centred * np.hanning(x.shape[-1]), axis=-1)) ** 2
     edges = np.linspace(0, power.shape[-1], BANDS + 1).round().astype(int)
-    bands = np.stack([power[:, a:b].mean(axis=-1) for a, b in pairwise(edges)], axis=-1)
+    bands = np.stack([level(power[:, a:b], axis=-1) for a, b in pairwise(edges)], axis=-1)
     shapes = np.stack([table[name] for name in ("std", *SHAPES)], axis=-1)
     return np.concatenate((np.log(np.maximum(shapes, tiny)), np.log(np.maximum(bands, tiny)) / 2), axis=-1)
 

@@ -98,3 +98,18 @@ def test_window_features_are_logarithms() -> None:
     step = window_features(10 * x) - window_features(x)
     wanted = np.array([np.log(10) if n == "log_std" or n.startswith("log_band") else 0.0 for n in WINDOW_FEATURES])
     np.testing.assert_allclose(step, np.tile(wanted, (3, 1)), atol=1e-9)
+
+
+def test_a_tone_moves_no_median_level_and_impacts_move_all() -> None:
+    """Such a tone, stronger without load, is what would make a healthy recording of CWRU alarm."""
+    rng = np.random.default_rng(5)
+    x = rng.standard_normal((20, 1024))
+    tone = 0.7 * np.sin(2 * np.pi * 4145 / 12_000 * np.arange(1024))
+    broad = 1.5 * rng.standard_normal(x.shape)
+    band = WINDOW_FEATURES.index("log_band_5")
+    by_mean, by_median = (
+        [(window_features(x + more, level) - window_features(x, level))[:, band].mean() for more in (tone, broad)]
+        for level in (np.mean, np.median)
+    )
+    assert by_mean[0] > 0.5 and abs(by_median[0]) < 0.1
+    assert by_median[1] == pytest.approx(by_mean[1], abs=0.1)
