@@ -1,7 +1,10 @@
 """What every test may rely on, however the tests were started."""
 
+import shutil
 import signal
 import threading
+from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -18,3 +21,29 @@ def learnt() -> Any:
     from twingap.gap.knowledge import shipped
 
     return shipped()
+
+
+@pytest.fixture(scope="module")
+def few_trials() -> Iterator[None]:
+    """Searches for the values of effects with fewer trials, where their precision is not what is tested."""
+    from twingap.gap.search import evidence
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(evidence, "SAMPLES_TRIED", 6e6)
+        yield
+
+
+@pytest.fixture(scope="session")
+def new_database(tmp_path_factory: pytest.TempPathFactory) -> Callable[[Path], str]:
+    """Makes an empty tracking store at a path and returns its URI; a copy, since MLflow takes seconds to make one."""
+    from twingap.track.mlflow import _quiet_mlflow
+
+    template = tmp_path_factory.mktemp("store") / "mlflow.db"
+    _quiet_mlflow().MlflowClient(f"sqlite:///{template}").search_experiments()
+
+    def made(path: Path) -> str:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        shutil.copy(template, path)
+        return f"sqlite:///{path}"
+
+    return made

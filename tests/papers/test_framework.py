@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import dataclasses
+import importlib
 import itertools
 import json
+import os
 import re
 import subprocess
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -16,10 +18,10 @@ import pandas as pd
 import pytest
 from matplotlib.figure import Figure
 
-from papers import reproduce
+from papers import imports, reproduce
 from papers.__main__ import main
 from papers.framework import Step, Study, Work, load_study
-from papers.imports import closure, digest_of_imports
+from papers.imports import closure
 from papers.reproduce import check_configurations, short_names
 from twingap.effects import registry
 from twingap.errors import TwingapError
@@ -44,10 +46,17 @@ def newcomer(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     for name, text in {"config.toml": config, "jobs.py": jobs, "study.py": study}.items():
         (folder / name).write_text(text, encoding="utf-8")
     monkeypatch.syspath_prepend(str(tmp_path))
+    monkeypatch.setattr(sys, "dont_write_bytecode", True)
     yield folder
+    forget()
+
+
+def forget() -> None:
+    """Forget the modules of a newcomer's study and what was read of all modules, as a new process does."""
     for name in [name for name in sys.modules if name.partition(".")[0] == "my_studies"]:
         del sys.modules[name]
-    for cached in (closure, digest_of_imports):
+    importlib.invalidate_caches()
+    for cached in (imports.closure, imports.digest_of_imports, imports._imported, imports._lazy, imports._source):
         cached.cache_clear()
 
 
@@ -66,17 +75,16 @@ def test_a_study_written_from_the_page_runs_and_is_small(
     assert "jitter: 4 jobs, 0 of them run now" in capsys.readouterr().out
 
 
-def test_what_is_stored_holds_until_code_that_makes_it_changes(newcomer: Path, tmp_path: Path) -> None:
+def test_what_is_stored_holds_until_code_that_makes_it_changes(
+    newcomer: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     """A table's code does not make results; a module that the jobs import does."""
-    run = """
-import sys; from papers.__main__ import main
-main(["my_studies.jitter", "--out", sys.argv[1], "--backend", "sequential", "--no-track"])
-"""
 
     def computed() -> str:
-        typed = [sys.executable, "-c", run, str(tmp_path / "out")]
-        said = subprocess.run(typed, check=True, capture_output=True, text=True, cwd=tmp_path).stdout
-        return re.findall(r"(\d) of them run now", said)[0]
+        forget()
+        main(["my_studies.jitter", "--out", str(tmp_path / "out"), "--backend", "sequential", "--no-track"])
+        (number,) = re.findall(r"(\d) of them run now", capsys.readouterr().out)
+        return str(number)
 
     assert computed() == "4"
     for name, old, new, wanted in (
@@ -110,20 +118,30 @@ def test_keys_do_not_hold_what_only_lays_out_or_shows(package: str) -> None:
         assert not shown and "papers.framework" not in held, module
 
 
-@pytest.mark.parametrize(
-    "module",
-    [
+LOADED = """
+import importlib, json, os, sys, numba, pandas, scipy.signal, torch
+for module in sys.argv[1:]:
+    if not os.fork():
+        importlib.import_module(module)
+        print(json.dumps([name for name, held in sys.modules.items() if held]), flush=True)
+        os._exit(0)
+    assert os.wait()[1] == 0
+"""
+"""What each module loads in a process that has loaded only the slowest libraries."""
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="processes cannot be forked here")
+def test_keys_hold_every_module_that_python_loads() -> None:
+    modules = [
         "papers.paper1_rul_varying_speed.job",
         "papers.paper2_digital_twin.dynamics.jobs",
         "papers.paper3_zoa_dann.comparison.trial",
-    ],
-)
-def test_keys_hold_every_module_that_python_loads(module: str) -> None:
-    code = f"import json, sys, {module}; print(json.dumps([n for n, m in sys.modules.items() if m]))"
-    said = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True).stdout
-    own = {name for name in json.loads(said) if name.partition(".")[0] in ("papers", "twingap")}
-    parents = {module.rsplit(".", k)[0] for k in range(1, module.count(".") + 1)}
-    assert len(own) > 20 and own - parents <= set(closure(module))
+    ]
+    said = subprocess.run([sys.executable, "-c", LOADED, *modules], check=True, capture_output=True, text=True).stdout
+    for module, line in zip(modules, said.splitlines(), strict=True):
+        own = {name for name in json.loads(line) if name.partition(".")[0] in ("papers", "twingap")}
+        parents = {module.rsplit(".", k)[0] for k in range(1, module.count(".") + 1)}
+        assert len(own) > 20 and own - parents <= set(closure(module)), module
 
 
 def test_names_that_a_package_loads_when_they_are_used_are_followed() -> None:
@@ -299,10 +317,12 @@ def test_what_no_paper_has_is_one_line(tmp_path: Path, given: dict[str, Any], sa
         reproduce.run(**{"paper": "paper2", "out": tmp_path, **given})
 
 
-def test_a_study_run_alone_is_tracked_as_the_papers_are(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_study_run_alone_is_tracked_as_the_papers_are(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], new_database: Callable[[Path], str]
+) -> None:
     from mlflow import MlflowClient
 
-    uri = f"sqlite:///{tmp_path / 'runs' / 'mlflow.db'}"
+    uri = new_database(tmp_path / "runs" / "mlflow.db")
     main(["paper2.dynamics", "--out", str(tmp_path / "out"), "--backend", "sequential", "--tracking-uri", uri])
     client = MlflowClient(uri)
     (experiment,) = [e for e in client.search_experiments() if e.name == "paper2 dynamics"]

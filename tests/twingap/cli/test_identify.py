@@ -15,6 +15,7 @@ import pytest
 from tests.twingap.cli.typed import Run, refused
 from twingap.bearing import BEARINGS
 from twingap.cli import main
+from twingap.identification import contact_bottom
 from twingap.records import Condition
 from twingap.records.folder import write_records
 from twingap.twins.contact import ContactTwin
@@ -152,10 +153,13 @@ def test_a_folder_without_permission(twingap: Run, twin: Path, records: Path, tm
     refused(twingap(twin, records, "--out", shut / "out.toml"), "cannot be written")
 
 
-def test_the_contact_twin_by_an_optimiser_of_choice(twingap: Run, tmp_path: Path) -> None:
+def test_the_contact_twin_by_an_optimiser_of_choice(
+    twingap: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(contact_bottom, "TRAJECTORIES", contact_bottom.SETS)
     twin, out = tmp_path / "contact.toml", tmp_path / "found.toml"
     made = ContactTwin(BEARINGS["6205"], unit="g").stream(
-        [Condition("inner0", 1797.0, 12000.0, 6000, "inner")], np.random.default_rng(0)
+        [Condition("inner0", 1797.0, 12000.0, 2400, "inner")], np.random.default_rng(0)
     )
     records = write_records(tmp_path / "made", "made", "g", BEARINGS["6205"], None, made)
     twin.write_text('[twin]\nmodel = "contact"\n[parameters]\nload_n = 400.0\n', encoding="utf-8")

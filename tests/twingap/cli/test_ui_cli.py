@@ -9,11 +9,16 @@ import socket
 import subprocess
 import sys
 import urllib.request
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import pytest
 
+from tests.twingap.cli.typed import Run, refused
 from twingap.track import MlflowTracker
+
+NewDatabase = Callable[[Path], str]
 
 
 def start(folder: Path, *words: str) -> subprocess.Popen[str]:
@@ -31,8 +36,8 @@ def free_port() -> int:
 
 
 @pytest.mark.slow
-def test_it_serves_the_runs_and_ends_cleanly(tmp_path: Path) -> None:
-    tracker = MlflowTracker(f"sqlite:///{tmp_path / '.twingap' / 'mlflow.db'}", "paper3")
+def test_it_serves_the_runs_and_ends_cleanly(tmp_path: Path, new_database: NewDatabase) -> None:
+    tracker = MlflowTracker(new_database(tmp_path / ".twingap" / "mlflow.db"), "paper3")
     with tracker.run("shown") as run:
         run.text("notes/ü.txt", "grüß")
     port = free_port()
@@ -62,20 +67,26 @@ def test_it_serves_the_runs_and_ends_cleanly(tmp_path: Path) -> None:
         assert probe.connect_ex(("127.0.0.1", port)) != 0
 
 
-def test_nothing_to_show_is_one_line(tmp_path: Path) -> None:
-    MlflowTracker(f"sqlite:///{tmp_path / 'empty.db'}", "paper3")
+@pytest.fixture
+def ui(typed: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Run:
+    """Runs `twingap ui ...` in an empty folder, where it does not serve."""
+    monkeypatch.chdir(tmp_path)
+    for name in ("MLFLOW_TRACKING_URI", "TWINGAP_HOME"):
+        monkeypatch.delenv(name, raising=False)
+    return partial(typed, "ui")
+
+
+def test_nothing_to_show_is_one_line(ui: Run, tmp_path: Path, new_database: NewDatabase) -> None:
+    MlflowTracker(new_database(tmp_path / "empty.db"), "paper3")
     (tmp_path / "text.db").write_text("no database " * 100)
     for words, expected in (
         ([], "no runs here yet; make one with twingap run or twingap bench"),
         (["--tracking-uri", f"sqlite:///{tmp_path / 'empty.db'}"], "no runs here yet"),
         (["--tracking-uri", f"sqlite:///{tmp_path / 'text.db'}"], "is no tracking store"),
     ):
-        child = start(tmp_path, *words)
-        out, err = child.communicate(timeout=60)
-        assert child.returncode == 2 and out == "" and err.count("\n") == 1 and expected in err
+        refused(ui(*words), expected)
     assert not (tmp_path / ".twingap").exists()
 
 
-def test_a_server_is_named_not_served(tmp_path: Path) -> None:
-    out, _ = start(tmp_path, "--tracking-uri", "http://runs.example:5000").communicate(timeout=60)
-    assert "open http://runs.example:5000" in out
+def test_a_server_is_named_not_served(ui: Run) -> None:
+    assert "open http://runs.example:5000" in ui("--tracking-uri", "http://runs.example:5000").out

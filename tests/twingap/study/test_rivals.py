@@ -52,7 +52,8 @@ def test_constant_and_short_records_give_numbers_or_nan() -> None:
         assert values.shape == (len(statistics.names()),) and not np.isinf(values).any()
 
 
-def test_two_sample_test_keeps_its_level_and_sees_a_shift() -> None:
+def test_two_sample_test_keeps_its_level_and_sees_a_shift(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(rivals, "TREES", 20)
     rng = np.random.default_rng(5)
     width = len(statistics.names())
     null = [rivals.two_sample(*rng.standard_normal((2, 8, width)), rng, 19).gap for _ in range(3)]

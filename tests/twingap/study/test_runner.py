@@ -1,6 +1,7 @@
 """The study's machinery: sealed before it is diagnosed, blind, resumable, checked when opened."""
 
 import json
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -26,17 +27,19 @@ CASES = [
 ]
 
 
-def small_study(out: Path, diagnose: Any = standins.by_level, seed: int = 3, cases: list[Case] = CASES) -> Any:
+def small_study(
+    out: Path, diagnose: Any = standins.by_level, seed: int = 3, cases: list[Case] = CASES, training_count: int = 0
+) -> Any:
     return run_study(
         out, cases, seed, diagnose=diagnose, prepare=standins.noisy_copy, training=standins.tiny_worlds,
-        training_count=12, rivals=(OneClassifier(),), permutations=2, jobs=1,
+        training_count=training_count, rivals=(OneClassifier(),), permutations=2, jobs=1,
     )  # fmt: skip
 
 
 @pytest.fixture(scope="module")
 def finished(tmp_path_factory: pytest.TempPathFactory) -> tuple[Any, Path]:
     out = tmp_path_factory.mktemp("study")
-    study = small_study(out)
+    study = small_study(out, training_count=12)
     write_study(study, out)
     return study, out
 
@@ -66,10 +69,10 @@ def test_what_is_written_is_whole_and_plain(finished: tuple[Any, Path]) -> None:
 
 @pytest.mark.slow
 def test_a_study_is_a_run_with_its_scores_and_one_inside_for_each_rival(
-    finished: tuple[Any, Path], tmp_path: Path
+    finished: tuple[Any, Path], tmp_path: Path, new_database: Callable[[Path], str]
 ) -> None:
     study, out = finished
-    uri = f"sqlite:///{tmp_path / 'runs.db'}"
+    uri = new_database(tmp_path / "runs.db")
     track_blind(MlflowTracker(uri, "study blind"), study.table, [out / "study.json", out / "scores.png"])
     import mlflow
 
@@ -153,17 +156,17 @@ def test_a_folder_keeps_to_its_study(finished: tuple[Any, Path]) -> None:
 
 
 def test_a_changed_truth_is_found(tmp_path: Path) -> None:
-    small_study(tmp_path)
+    small_study(tmp_path, cases=CASES[:2])
     sealed = json.loads((tmp_path / "sealed.json").read_text())
     sealed["worlds"]["w1"]["seal"] = sealed["worlds"]["w0"]["seal"]
     (tmp_path / "sealed.json").write_text(json.dumps(sealed))
     with pytest.raises(TwingapError, match="not those that were sealed"):
-        small_study(tmp_path)
+        small_study(tmp_path, cases=CASES[:2])
 
 
 def test_same_seed_same_verdicts(finished: tuple[Any, Path], tmp_path: Path) -> None:
     study, _ = finished
-    again = small_study(tmp_path)
+    again = small_study(tmp_path, training_count=12)
     for method, rows in study.rows.items():
         first = [(r.was, r.found.status, r.found.effects, r.found.p_value) for r in rows]
         assert first == [(r.was, r.found.status, r.found.effects, r.found.p_value) for r in again.rows[method]]

@@ -16,6 +16,7 @@ from twingap.gap.report.tracking import track_report
 from twingap.track import FolderTracker, MlflowTracker
 
 MakeReport = Callable[..., GapReport]
+NewDatabase = Callable[[Path], str]
 
 
 def test_a_diagnosis_is_kept_with_all_that_is_compared(make_report: MakeReport, tmp_path: Path) -> None:
@@ -70,9 +71,9 @@ def test_an_empty_report_is_tracked_too(make_report: MakeReport, tmp_path: Path)
 
 
 @pytest.mark.slow
-def test_mlflow_takes_every_name(make_report: MakeReport, tmp_path: Path) -> None:
+def test_mlflow_takes_every_name(make_report: MakeReport, new_database: NewDatabase, tmp_path: Path) -> None:
     report = make_report()
-    uri = f"sqlite:///{tmp_path / 'mlflow.db'}"
+    uri = new_database(tmp_path / "mlflow.db")
     track_report(MlflowTracker(uri), report, write_report(report, tmp_path / "out"))
     import mlflow
 
