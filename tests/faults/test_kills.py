@@ -31,6 +31,8 @@ class Command:
     resumes : bool
         Whether a second run goes on where the first was; False = it starts anew.
     env : dict
+    prepare : str
+        Function called in the process of the command before it starts, as module:function.
     """
 
     words: Callable[[Path], list[object]]
@@ -39,6 +41,7 @@ class Command:
     parts: tuple[str, ...] = ("",)
     resumes: bool = False
     env: dict[str, str] = field(default_factory=dict)
+    prepare: str = ""
 
 
 SIMULATE = ("--fs-hz", 8000, "--duration-s", 0.25)
@@ -63,11 +66,11 @@ COMMANDS = {
     "study": Command(
         lambda at: ["study", "blind", "--cases", 6, "--rival-worlds", 0, "--jobs", 1, "--no-track", "--out",
                     "new/study"],
-        "new/study", (0, 8), parts=("study.json",), resumes=True,
+        "new/study", (0, 8), parts=("study.json",), resumes=True, prepare="tests.faults.small:worlds",
     ),
     "run": Command(
         lambda at: ["run", "paper1", "--out", "new/paper1", "--tracking-uri", "sqlite:///new/runs.db"], "new/paper1",
-        (0, 12), parts=("tables/",), resumes=True,
+        (0, 12), parts=("tables/",), resumes=True, prepare="tests.faults.small:lives",
     ),
 }  # fmt: skip
 
