@@ -60,7 +60,7 @@ def _watch(kill_at: int | None, watch_network: bool, note: int) -> Callable[[], 
 
 
 def _child(asked: dict[str, Any], out: int, err: int, note: int) -> None:
-    """Run one command; never returns."""
+    """Run one command, after its function `prepare` (as module:function); never returns."""
     status, changes = 99, lambda: 0
     try:
         os.setsid()
