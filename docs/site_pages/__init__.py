@@ -9,6 +9,7 @@ from pathlib import Path
 
 from site_pages import (
     bearing_table,
+    benchmark_page,
     command_pages,
     data_cards,
     effect_pages,
@@ -27,6 +28,7 @@ GENERATORS = (
     data_cards,
     python_pages,
     validation,
+    benchmark_page,
 )
 
 

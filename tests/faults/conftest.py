@@ -72,7 +72,7 @@ class Forks:
         """Run `twingap WORDS` in a folder; see `_child` in forking.py for what can be given."""
         asked = {
             "words": [str(word) for word in words], "cwd": str(cwd), "limits": {}, "uid": 0, "clock_s": 0,
-            "kill_at": None, "signals": [], "watch_network": False, "timeout_s": 600, "env": {}, **given,
+            "kill_at": None, "signals": [], "watch_network": False, "timeout_s": 600, "env": {}, "prepare": "", **given,
         }  # fmt: skip
         assert self._server.stdin is not None and self._server.stdout is not None
         self._server.stdin.write(json.dumps(asked) + "\n")

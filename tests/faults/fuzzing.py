@@ -8,6 +8,7 @@ FOLDER holds whole files. What goes wrong is printed as a line of JSON for each 
 from __future__ import annotations
 
 import contextlib
+import functools
 import io
 import json
 import os
@@ -253,9 +254,14 @@ def _last_frames() -> str:
 def main() -> None:
     """Try inputs; the number of the one in progress is in FOLDER/now, should it end the process."""
     corpus, seed, count = Path(sys.argv[1]), int(sys.argv[2]), int(sys.argv[3])
+    import typer.main
+
     import twingap.cli
     import twingap.gap.report.files
     import twingap.records.folder  # noqa: F401
+
+    # Commands are built from their functions once, not for each input: that took most of the time.
+    typer.main.get_command = functools.cache(typer.main.get_command)
 
     held = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
     resource.setrlimit(resource.RLIMIT_AS, (held + MEMORY, held + MEMORY))

@@ -31,6 +31,8 @@ class Command:
     resumes : bool
         Whether a second run goes on where the first was; False = it starts anew.
     env : dict
+    prepare : str
+        Function called in the process of the command before it starts, as module:function.
     """
 
     words: Callable[[Path], list[object]]
@@ -39,6 +41,12 @@ class Command:
     parts: tuple[str, ...] = ("",)
     resumes: bool = False
     env: dict[str, str] = field(default_factory=dict)
+    prepare: str = ""
+
+    @property
+    def given(self) -> dict[str, Any]:
+        """What its process is given; see `Forks`."""
+        return {"env": self.env, "prepare": self.prepare}
 
 
 SIMULATE = ("--fs-hz", 8000, "--duration-s", 0.25)
@@ -63,11 +71,11 @@ COMMANDS = {
     "study": Command(
         lambda at: ["study", "blind", "--cases", 6, "--rival-worlds", 0, "--jobs", 1, "--no-track", "--out",
                     "new/study"],
-        "new/study", (0, 8), parts=("study.json",), resumes=True,
+        "new/study", (0, 8), parts=("study.json",), resumes=True, prepare="tests.faults.small:worlds",
     ),
     "run": Command(
         lambda at: ["run", "paper1", "--out", "new/paper1", "--tracking-uri", "sqlite:///new/runs.db"], "new/paper1",
-        (0, 12), parts=("tables/",), resumes=True,
+        (0, 12), parts=("tables/",), resumes=True, prepare="tests.faults.small:lives",
     ),
 }  # fmt: skip
 
@@ -80,7 +88,7 @@ def uninterrupted(twingap: Forks, inputs: Path, tmp_path_factory: pytest.TempPat
     def ask(name: str) -> tuple[dict[str, bytes], Ended]:
         if name not in known:
             folder, command = tmp_path_factory.mktemp(name), COMMANDS[name]
-            ended = twingap(folder, *command.words(inputs), env=command.env)
+            ended = twingap(folder, *command.words(inputs), **command.given)
             assert ended.status == 0, ended.err
             known[name] = tree(folder / command.out, command.parts), ended
             assert known[name][0]
@@ -110,7 +118,7 @@ def test_killed_command_run_again_gives_the_same(
         how: dict[str, Any] = {"signals": [(rng.uniform(0, ended.seconds), signal.SIGKILL)]}
     else:
         how = {"kill_at": rng.randint(1, ended.changes)}
-    killed = twingap(tmp_path, *command.words(inputs), env=command.env, **how)
+    killed = twingap(tmp_path, *command.words(inputs), **command.given, **how)
     assert killed.status in (-signal.SIGKILL, 0)
 
     left = tree(tmp_path / command.out, command.parts)
@@ -118,7 +126,7 @@ def test_killed_command_run_again_gives_the_same(
     assert all(whole[path] == content for path, content in final.items()), "a file that is there is whole"
     if not command.resumes and len(final) == len(whole) and name in ("simulate", "import"):
         return  # it was finished
-    again = twingap(tmp_path, *command.words(inputs), env=command.env)
+    again = twingap(tmp_path, *command.words(inputs), **command.given)
     assert again.status == 0, again.err
     assert tree(tmp_path / command.out, command.parts) == whole
 
@@ -132,7 +140,7 @@ def test_interrupted_command_leaves_nothing_half_written(
     for part in (0.05, 0.2, 0.5, 0.95) if FULL else (0.1, 0.6):
         folder = tmp_path / str(part)
         folder.mkdir()
-        said = twingap(folder, *command.words(inputs), env=command.env, signals=[(part * ended.seconds, signal.SIGINT)])
+        said = twingap(folder, *command.words(inputs), **command.given, signals=[(part * ended.seconds, signal.SIGINT)])
         if said.status == 0:
             continue
         assert said.status == 130, said.err
@@ -153,7 +161,7 @@ def test_clock_that_was_set_back_changes_nothing(
     command = COMMANDS[name]
     whole, ended = uninterrupted(name)
     first = {"signals": [(0.7 * ended.seconds, signal.SIGKILL)]} if command.resumes else {"kill_at": ended.changes}
-    twingap(tmp_path, *command.words(inputs), env=command.env, **first)
-    again = twingap(tmp_path, *command.words(inputs), env=command.env, clock_s=-400 * 86400)
+    twingap(tmp_path, *command.words(inputs), **command.given, **first)
+    again = twingap(tmp_path, *command.words(inputs), **command.given, clock_s=-400 * 86400)
     assert again.status == 0, again.err
     assert tree(tmp_path / command.out, command.parts) == whole

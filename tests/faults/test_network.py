@@ -24,8 +24,8 @@ def test_diagnosis_and_its_tracking_stay_here(diagnosed: Diagnosed) -> None:
 
 @pytest.mark.parametrize("name", [*QUIET, "simulate", "import", *(("fleet", "study", "run") if FULL else ())])
 def test_commands_stay_here(twingap: Forks, inputs: Path, tmp_path: Path, name: str) -> None:
-    words = QUIET[name] if name in QUIET else COMMANDS[name].words(inputs)
-    said = twingap(tmp_path, *words, watch_network=True)
+    words, given = (QUIET[name], {}) if name in QUIET else (COMMANDS[name].words(inputs), COMMANDS[name].given)
+    said = twingap(tmp_path, *words, **given, watch_network=True)
     assert said.status == 0, said.err
     assert said.network == []
 

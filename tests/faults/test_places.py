@@ -18,7 +18,7 @@ def test_full_disk_is_one_line(twingap: Forks, inputs: Path, tmp_path: Path, kil
     refused = 0
     for name in NAMES:
         with small_disk(tmp_path / name, kilobytes):
-            said = twingap(tmp_path / name, *COMMANDS[name].words(inputs))
+            said = twingap(tmp_path / name, *COMMANDS[name].words(inputs), **COMMANDS[name].given)
             if said.status == 0:
                 continue
             assert "space" in said.refused() or "disk may be full" in said.refused()
@@ -42,7 +42,7 @@ def test_read_only_folder_is_one_line(twingap: Forks, inputs: Path, tmp_path: Pa
         make_read_only()
         for name, command in COMMANDS.items():
             home = {"TWINGAP_HOME": str(tmp_path / "home"), "MLFLOW_TRACKING_URI": ""}
-            said = twingap(tmp_path / "disk", *command.words(inputs), env=home)
+            said = twingap(tmp_path / "disk", *command.words(inputs), **{**command.given, "env": home})
             assert "Read-only file system" in said.refused(), name
             assert said.seconds < 60
 
@@ -59,11 +59,11 @@ def test_two_runs_in_one_folder(twingap: Forks, inputs: Path, tmp_path: Path, na
     command, ended = COMMANDS[name], dict[str, Ended]()
     other = Forks()
     (tmp_path / "alone").mkdir()
-    alone = twingap(tmp_path / "alone", *command.words(inputs))
+    alone = twingap(tmp_path / "alone", *command.words(inputs), **command.given)
     assert alone.status == 0
 
     def run(who: str, forks: Forks) -> None:
-        ended[who] = forks(tmp_path, *command.words(inputs))
+        ended[who] = forks(tmp_path, *command.words(inputs), **command.given)
 
     both = [threading.Thread(target=run, args=pair) for pair in (("first", twingap), ("second", other))]
     for thread in both:

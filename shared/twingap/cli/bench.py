@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import sys
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from twingap.cli.options import Effects, Json, Seed, TrackingUri, say, say_json, show
+from twingap.cli.options import Effects, Json, Seed, TrackingUri, say, say_json, show, standard, wrote
 from twingap.cli.progress import progress
 
 if TYPE_CHECKING:
@@ -18,6 +19,10 @@ def bench(
     name: Annotated[str | None, typer.Argument(help="Benchmark to run; all when absent.")] = None,
     quick: Annotated[bool, typer.Option("--quick", help="Small sizes, to test that benchmarks run.")] = False,
     strict: Annotated[bool, typer.Option("--strict", help="Exit 1 when a target is missed.")] = False,
+    out: Annotated[
+        Path | None,
+        typer.Option("--out", metavar="DIR", help="Folder of a page, a chart and bench.json; others' results stay."),
+    ] = None,
     track: Annotated[bool, typer.Option(help="Log the table and the targets as a run.")] = True,
     tracking_uri: TrackingUri = None,
     effects: Effects = None,
@@ -27,12 +32,15 @@ def bench(
     """Run benchmarks; each compares twingap with another library in the same run, as ratios."""
     import benchmarks
     from twingap.errors import TwingapError
+    from twingap.files import try_outputs
     from twingap.track import MlflowTracker, NullTracker, Tracker
     from twingap.track import tracking_uri as store
 
     if name is not None and name not in benchmarks.names():
         raise TwingapError(f"unknown benchmark {name!r}", mend=f"known: {', '.join(benchmarks.names()) or 'none'}")
     chosen = benchmarks.names() if name is None else (name,)
+    if out is not None:
+        try_outputs(out, ("bench.json", "benchmarks.md", "benchmarks.svg"))
     # An unusable store is reported before the benchmarks.
     tracker: Tracker = MlflowTracker(tracking_uri, experiment="bench") if track else NullTracker()
     done: dict[str, Measurement] = {}
@@ -41,8 +49,13 @@ def bench(
             done[each] = benchmarks.measure(each, quick=quick, seed=seed)
             _log(tracker, each, done[each], {"benchmark": each, "quick": quick, "seed": seed})
             shown.step(each)
+    reports = standard([_report(each, measurement, quick) for each, measurement in done.items()])
+    if out is not None:
+        from benchmarks import _written
+
+        wrote(*_written.write(reports, out), as_json=as_json)
     if as_json:
-        say_json([_report(each, measurement, quick) for each, measurement in done.items()])
+        say_json(reports)
     else:
         for each, measurement in done.items():
             _print(each, measurement, quick)

@@ -98,12 +98,17 @@ def say(*lines: str) -> None:
 
 
 def say_json(value: Any) -> None:
-    """Print as standard JSON: NaN and infinities as null, NumPy numbers as numbers."""
-    from twingap.provenance import plain
-
+    """Print as standard JSON; see `standard`."""
     _escape_unencodable()
     unicode = (sys.stdout.encoding or "").lower().replace("-", "").startswith("utf")
-    print(json.dumps(_finite(plain(value)), indent=2, ensure_ascii=not unicode, allow_nan=False))
+    print(json.dumps(standard(value), indent=2, ensure_ascii=not unicode, allow_nan=False))
+
+
+def standard(value: Any) -> Any:
+    """A value as standard JSON has it: NaN and infinities as null, NumPy numbers as numbers."""
+    from twingap.provenance import plain
+
+    return _finite(plain(value))
 
 
 def refuse_overwriting(out: Path, *read: Path) -> None:

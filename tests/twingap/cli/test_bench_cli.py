@@ -13,6 +13,7 @@ import pytest
 
 import benchmarks
 from benchmarks.harness import Measurement, Target
+from twingap.errors import TwingapError
 
 FAKE = """
 from benchmarks.harness import Measurement, Target
@@ -32,7 +33,7 @@ def fake(tmp_path: Path) -> Path:
     """A project folder whose package of benchmarks has one more, in a copy of its own."""
     package = tmp_path / "benchmarks"
     package.mkdir()
-    for name in ("__init__.py", "harness.py"):
+    for name in ("__init__.py", "harness.py", "_written.py"):
         (package / name).write_bytes((Path(benchmarks.__file__).parent / name).read_bytes())
     (package / "fake.py").write_text(FAKE, encoding="utf-8")
     (package / "needy.py").write_text("import no_such_peer_of_ours\n")
@@ -44,7 +45,7 @@ def bench(folder: Path, *words: str, **env: str) -> subprocess.CompletedProcess[
     return subprocess.run(
         [sys.executable, "-m", "twingap.cli", "bench", *words],
         cwd=folder,
-        env={**clean, "PYTHONPATH": str(folder), **env},
+        env={**clean, "PYTHONPATH": os.pathsep.join([str(folder), *filter(None, sys.path)]), **env},
         capture_output=True,
         text=True,
         timeout=120,
@@ -79,7 +80,7 @@ def test_it_prints_table_targets_and_notes_and_logs_them(fake: Path) -> None:
 
 
 def test_json_is_valid_in_any_alphabet_and_strict_fails_on_a_miss(fake: Path) -> None:
-    done = bench(fake, "fake", "--json", "--strict", "--no-track", PYTHONIOENCODING="ascii", LANG="C")
+    done = bench(fake, "fake", "--json", "--strict", "--no-track", "--out", "to", PYTHONIOENCODING="ascii", LANG="C")
     assert done.returncode == 1, done.stderr
 
     def refuse(word: str) -> None:
@@ -89,8 +90,32 @@ def test_json_is_valid_in_any_alphabet_and_strict_fails_on_a_miss(fake: Path) ->
     assert report["rows"][0] == {"rival": "ours ü [red]", "ms": 1.25, "ratio": None}
     assert [t["met"] for t in report["targets"]] == [True, False]
     assert not (fake / ".twingap").exists()
+    (written,) = json.loads((fake / "to" / "bench.json").read_text(encoding="utf-8"))["benchmarks"]
+    assert {key: written[key] for key in report} == report
+    page = (fake / "to" / "benchmarks.md").read_text(encoding="utf-8")
+    assert "| ours ü \\[red] | 1.25 |  |" in page and "| agreement | 0.5 | 1 | no |" in page
+    assert "fake: agreement" in (fake / "to" / "benchmarks.svg").read_text(encoding="utf-8")
     shown = bench(fake, "fake", "--no-track", PYTHONIOENCODING="ascii", LANG="C")
     assert shown.returncode == 0 and "ours \\xfc [red]" in shown.stdout
+
+
+def test_result_of_a_benchmark_replaces_its_own_former_one_only(tmp_path: Path) -> None:
+    from benchmarks import _written
+
+    def report(name: str, measured: float) -> dict[str, object]:
+        target = {"target": "t", "measured": measured, "at least": 1.0, "met": measured >= 1}
+        return {"benchmark": name, "title": "t", "quick": False, "rows": [], "targets": [target], "notes": []}
+
+    _written.write([report("a", 2.0), report("b", 3.0)], tmp_path)
+    _written.write([report("b", 0.5)], tmp_path)
+    held = _written.read(tmp_path / "bench.json")
+    assert [(one["benchmark"], *_written.targets(one)) for one in held] == [
+        ("a", ("t", 2.0, True)),
+        ("b", ("t", 0.5, False)),
+    ]
+    (tmp_path / "bench.json").write_text("{}")
+    with pytest.raises(TwingapError, match="no result of benchmarks"):
+        _written.write([report("b", 1.0)], tmp_path)
 
 
 def test_mistakes_are_one_line(fake: Path) -> None:
