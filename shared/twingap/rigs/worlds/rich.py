@@ -24,6 +24,7 @@ from twingap.rigs.worlds.machine_levels import MachineLevels
 from twingap.rigs.worlds.strength import Params, Setting
 
 FEWEST_MODES, MOST_MODES = 8, 12
+"""Modes of a path, with those of the base machine; more make its response less like that of one mode."""
 FEWEST_ZEROS: Final = 4
 """Fewest zeros of a path outside the unit circle; more make paths differ more from those of minimum phase."""
 FEWEST_LINES: Final = 64
