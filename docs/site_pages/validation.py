@@ -41,6 +41,17 @@ outside
 
 outside_plus
 : The same, and effects of the catalogue are missing too.
+
+path, lines
+: The machine's path has eight or more modes and is not of minimum phase, or its records hold 50 lines and more; the
+  twin has one mode and no lines.
+
+rich
+: A machine with both and one or two other effects. The built-in twin lacks all of these; where simulated records are
+  given, they have path and lines, too.
+
+rich_none
+: A machine with path and lines, and simulated records that have the same.
 """
 
 

@@ -33,6 +33,13 @@ Jobs = Annotated[int | None, typer.Option("--jobs", metavar="J", help="Processes
 def blind(
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder; an interrupted study is resumed.")],
     cases: Annotated[int, typer.Option("--cases", metavar="N", help="Worlds, at least 6.", min=6)] = 300,
+    rich: Annotated[
+        int | None,
+        typer.Option(
+            "--rich", metavar="N", min=0, help="Worlds in addition, with many modes and lines.",
+            show_default="half as many",
+        ),
+    ] = None,
     effects: Effects = None,
     seed: Seed = 0,
     jobs: Jobs = None,
@@ -60,7 +67,7 @@ def blind(
     with resumable("cases") as shown:
         done = run_study(
             out,
-            plan(cases, seed),
+            plan(cases, seed, cases // 2 if rich is None else rich),
             seed,
             training_count=min(1500, 5 * cases) if rivals is None else rivals,
             permutations=0 if rivals == 0 else PERMUTATIONS,
@@ -75,7 +82,7 @@ def blind(
     if json:
         say_json(done.table["scores"])
     else:
-        title = f"blind study, {cases} worlds, seed {seed}"
+        title = f"blind study, {done.table['provenance']['cases']} worlds, seed {seed}"
         show([{**row, "met": {None: "", True: "met", False: "missed"}[row["met"]]} for row in done.table["scores"]],
              False, title)  # fmt: skip
         for name, why in done.table["provenance"]["rivals_skipped"].items():

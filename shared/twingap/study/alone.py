@@ -20,7 +20,7 @@ from twingap.study.blind import blinded
 from twingap.study.pooled import read_studies
 from twingap.study.runner import diagnosis, digest_of, digest_of_worlds, learnt_digest
 from twingap.study.tables import grid
-from twingap.study.verdicts import found_in
+from twingap.study.verdicts import RICH, found_in
 
 if TYPE_CHECKING:
     from twingap.rigs.worlds import Case
@@ -78,7 +78,8 @@ def slowest_again(
     # A missing trained model is made here, so that its training does not count as runtime of the first world.
     if code != about["code_sha256"] or learnt_digest(diagnose) != about["learnt_sha256"]:
         raise TwingapError("the study is of another diagnosis", mend="use the code and the trained model of the study")
-    by_name = {case.name: case for case in planned or cases(about["cases"], about["seed"])}
+    rich = sum(world["was"]["kind"] in RICH for world in study["worlds"])
+    by_name = {case.name: case for case in planned or cases(about["cases"] - rich, about["seed"], rich)}
     worlds = sorted(study["worlds"], key=lambda world: -world["found"]["runtime_s"])
     out = []
     for world in worlds[:count]:

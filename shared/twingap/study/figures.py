@@ -20,8 +20,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 BLUE, ORANGE, GREEN, GREY, BLACK = "#0072B2", "#D55E00", "#009E73", "#999999", "#000000"
-_COLOURS = (BLUE, "#E69F00", GREEN, "#CC79A7", "#56B4E9", BLACK)
-_MARKS = "osD^vP"
+_COLOURS = (BLUE, "#E69F00", GREEN, "#CC79A7", "#56B4E9", BLACK, "#F0E442")
+_MARKS = "osD^vPX"
 FEWEST = 5
 """Worlds from which on a rate is coloured; fewer let chance colour it, more leave cells of rare effects white."""
 
@@ -122,7 +122,7 @@ def by_effect(table: Mapping[str, Any]) -> Figure:
         axis.axvline(len(STRENGTHS) - 0.5, color=BLACK, linewidth=1)
         axis.set_xticks(range(len(columns)), columns, fontsize=9)
         axis.set_yticks(range(len(effects)), effects, fontsize=9)
-        alone = "pairs, crowds, outside_plus" if panel == "found in company" else "single"
+        alone = "pairs, crowds, outside_plus" if panel == "found in company" else "single, path, lines"
         axis.set_title(f"{panel}\n({alone})", fontsize=10)
     figure.suptitle(
         f"Worlds by missing effect and its strength, {_worlds(table)}: found of all; "
@@ -144,8 +144,8 @@ def rivals(table: Mapping[str, Any]) -> Figure:
             row, at = by[key], y - 0.4 + step * (m + 0.5)
             if row["value"] is None:
                 continue
-            axis.plot([row["low"], row["high"]], [at, at], color=_COLOURS[m % 6], linewidth=1.4)
-            axis.plot(row["value"], at, _MARKS[m % 6], color=_COLOURS[m % 6], markeredgecolor=BLACK,
+            axis.plot([row["low"], row["high"]], [at, at], color=_COLOURS[m % 7], linewidth=1.4)
+            axis.plot(row["value"], at, _MARKS[m % 7], color=_COLOURS[m % 7], markeredgecolor=BLACK,
                       markeredgewidth=0.4, markersize=7 if m == 0 else 5, clip_on=False,
                       label=method if y == 0 else None)  # fmt: skip
     for y, (name, _) in enumerate(chosen):

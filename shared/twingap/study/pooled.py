@@ -82,16 +82,16 @@ def markdown(studies: Sequence[Mapping[str, Any]]) -> str:
     """Scores by seed and over all worlds, and a comparison of the methods, as Markdown."""
     each = [rows_of(table) for table in studies]
     seeds = [f"seed {table['provenance']['seed']}" for table in studies]
-    own = [scores.headline(rows[DIAGNOSIS]) for rows in each]
+    own = [{(s.name, s.among): s for s in scores.headline(rows[DIAGNOSIS])} for rows in each]
     pooled = scores.headline([row for rows in each for row in rows[DIAGNOSIS]])
     lines = [
         {
             "score": score.name, "among": score.among,
-            **{seed: _words(part[i]) for seed, part in zip(seeds, own, strict=True)},
+            **{seed: _words(part.get((score.name, score.among))) for seed, part in zip(seeds, own, strict=True)},
             "all": _words(score), "target": score.target.words if score.target else "",
             "met": {None: "", True: "yes", False: "**no**"}[score.met],
         }
-        for i, score in enumerate(pooled)
+        for score in pooled
     ]  # fmt: skip
     methods = [method for method in each[0] if all(method in rows for rows in each)]
     comparison = []
@@ -106,10 +106,10 @@ def markdown(studies: Sequence[Mapping[str, Any]]) -> str:
     )
 
 
-def _words(score: scores.Score) -> str:
-    row = score.row
-    if row["value"] is None:
+def _words(score: scores.Score | None) -> str:
+    if score is None or score.row["value"] is None:
         return "-"
+    row = score.row
     count = f"{score.k} of {score.n}: " if score.k is not None else ""
     within = "" if row["low"] is None else f" ({row['low']:.3g} to {row['high']:.3g})"
     return f"{count}{row['value']:.3g}{within}"

@@ -26,7 +26,7 @@ from twingap.study import scores, worker
 from twingap.study.parameters import parameter_errors
 from twingap.study.prepare import prepared, training_worlds
 from twingap.study.rivals import PERMUTATIONS, Detectors, Examples, OneClassifier, Rival, as_row, with_two_sample
-from twingap.study.verdicts import Found, Row, found_in, was_of
+from twingap.study.verdicts import PLAIN, Found, Row, found_in, of_kind, was_of
 
 if TYPE_CHECKING:
     from twingap.rigs.worlds import Case
@@ -75,9 +75,10 @@ def diagnosis() -> worker.Diagnose:
 
 def default_rivals() -> tuple[Rival, ...]:
     """The rivals that are trained on examples."""
+    from twingap.study.distortions import DistortionTests
     from twingap.study.neural import NeuralPosterior
 
-    return (OneClassifier(), Detectors(), NeuralPosterior())
+    return (OneClassifier(), Detectors(), NeuralPosterior(), DistortionTests())
 
 
 def run_study(
@@ -181,6 +182,7 @@ def _table(
     from twingap.effects import catalogue
 
     own, effects = rows[DIAGNOSIS], list(catalogue())
+    plain_own = of_kind(own, *PLAIN)
     worlds = []
     for i, row in enumerate(own):
         made = {key: diagnoses[i][key] for key in ("refused", "report")}
@@ -192,11 +194,11 @@ def _table(
         "details": [s.row for s in scores.detailed(own)],
         "by_effect": scores.by_effect(own),
         "by_uncatalogued": scores.by_uncatalogued(own),
-        "parameters": parameter_errors(own),
+        "parameters": parameter_errors(plain_own),
         "statuses": scores.statuses(own),
         "confusion": {"effects": effects, "first_named": [*effects, scores.NOTHING],
                       "counts": scores.confusion(own, effects).tolist()},
-        "reliability": scores.reliability(own),
+        "reliability": scores.reliability(plain_own),
         "worlds": worlds,
         "provenance": provenance,
     }  # fmt: skip

@@ -15,7 +15,7 @@ from typing import Any, Final
 import numpy as np
 
 from twingap.study.intervals import of_median, of_rate
-from twingap.study.verdicts import CATALOGUED, KINDS, UNCATALOGUED, Row, of_kind
+from twingap.study.verdicts import CATALOGUED, KINDS, PLAIN, RICH, UNCATALOGUED, Row, of_kind
 
 NOTHING: Final = "(none)"
 """Label of "no effect named" in confusion matrices."""
@@ -24,7 +24,12 @@ LEAST_CLOSURE: Final = 0.1
 """Fraction of the gap that the true effects must close for a ratio of closures to be computed; larger leaves out more
 worlds."""
 STRENGTHS: Final = ("weak", "medium", "strong")
-COMPARED: Final = ("false alarms", "first-named right", "exact set", "precision", "recall", "outside recognised")
+_NOTHING: Final = frozenset(("none", "rich_none"))
+"""Kinds of worlds whose twin lacks nothing."""
+COMPARED: Final = (
+    "false alarms", "first-named right", "first-named of the right group", "exact set", "precision", "recall",
+    "outside recognised",
+)  # fmt: skip
 """Scores that are defined for every method."""
 
 
@@ -139,6 +144,14 @@ def right_first(row: Row) -> bool:
     return row.found.first in row.was.effects
 
 
+def right_group(row: Row) -> bool:
+    """Whether the effect named first is of the group of a true one, such as a drive's lines of a list of lines."""
+    from twingap.effects import catalogue
+
+    group = {name: effect.group for name, effect in catalogue().items()}
+    return row.found.first in group and group[row.found.first] in {group[name] for name in row.was.effects}
+
+
 def exact(row: Row) -> bool:
     """Whether the effects named are exactly the true ones."""
     return set(row.found.effects) == set(row.was.effects)
@@ -160,6 +173,7 @@ def headline(rows: Sequence[Row]) -> list[Score]:
     several = [r for r in of_kind(rows, *CATALOGUED) if r.found.confidence_set is not None]
     known = of_kind(rows, *CATALOGUED)
     size = lambda r: float(len(r.found.covers))  # noqa: E731
+    rich = _headline_of_rich(rows) if of_kind(rows, *RICH) else []
     return [
         false,
         Score("false alarms, upper bound", "none", false.high, false.low, false.high, false.n, false.k,
@@ -178,7 +192,22 @@ def headline(rows: Sequence[Row]) -> list[Score]:
         median("closure over what the twin can close", "single, pair, crowd", map(closable_ratio, known), Target(0.90)),
         largest("runtime, s", "all", (_or_nan(r.found.runtime_s) for r in rows), Target(60.0, at_least=False)),
         largest("peak memory, MB", "all", (_or_nan(r.found.peak_mb) for r in rows), Target(2048.0, at_least=False)),
+        *rich,
     ]  # fmt: skip
+
+
+def _headline_of_rich(rows: Sequence[Row]) -> list[Score]:
+    """Scores of the worlds of rich machines."""
+    rich, one = of_kind(rows, "rich"), of_kind(rows, "path", "lines")
+    return [
+        rate("false alarms", "rich_none", (r.found.gap for r in of_kind(rows, "rich_none"))),
+        *(rate("first-named right", kind, map(right_first, of_kind(rows, kind))) for kind in ("path", "lines")),
+        *(rate("first-named of the right group", k, map(right_group, of_kind(rows, k))) for k in ("path", "lines")),
+        rate("exact set", "rich", map(exact, rich)),
+        precision(rich, "rich"),
+        recall(rich, "rich"),
+        median("closure over true closure", "path, lines, rich", map(closure_ratio, [*one, *rich])),
+    ]
 
 
 def detailed(rows: Sequence[Row]) -> list[Score]:
@@ -186,11 +215,11 @@ def detailed(rows: Sequence[Row]) -> list[Score]:
     out: list[Score] = []
     for label, part in _parts(rows):
         kinds = {r.was.kind for r in part}
-        known = of_kind(part, *CATALOGUED)
-        if "none" in kinds:
-            out.append(rate("false alarms", label, (r.found.gap for r in of_kind(part, "none"))))
-        if kinds - {"none"}:
-            out.append(rate("detected", label, (r.found.gap for r in part if r.was.kind != "none")))
+        known = of_kind(part, *CATALOGUED, "path", "lines", "rich")
+        if nothing := of_kind(part, *_NOTHING):
+            out.append(rate("false alarms", label, (r.found.gap for r in nothing)))
+        if kinds - _NOTHING:
+            out.append(rate("detected", label, (r.found.gap for r in part if r.was.kind not in _NOTHING)))
         if known:
             out += [
                 rate("first-named right", label, map(right_first, known)),
@@ -218,7 +247,9 @@ def by_effect(rows: Sequence[Row]) -> list[dict[str, Any]]:
     for effect in sorted({e for r in rows for e in r.was.effects}):
         for strength in STRENGTHS:
             alone = [
-                r for r in of_kind(rows, "single") if r.was.effects == (effect,) and r.was.one_strength == strength
+                r
+                for r in of_kind(rows, "single", "path", "lines")
+                if r.was.effects == (effect,) and r.was.one_strength == strength
             ]
             company = [r for r in of_kind(rows, "pair", "crowd", "outside_plus")
                        if effect in r.was.effects and r.was.strength.get(effect) == strength]  # fmt: skip
@@ -323,8 +354,8 @@ def reliability(rows: Sequence[Row], bins: int = 10) -> list[dict[str, Any]]:
 
 
 def _parts(rows: Sequence[Row]) -> Iterable[tuple[str, list[Row]]]:
-    """Labelled subsets of the rows: all, by kind, by kind and strength, by kind and arm, by strength."""
-    yield "all", list(rows)
+    """Labelled subsets of the rows: all but the rich kinds, by kind, by kind and strength, by kind and arm."""
+    yield "all", of_kind(rows, *PLAIN)
     for kind in KINDS:
         own = of_kind(rows, kind)
         if own:

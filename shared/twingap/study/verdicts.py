@@ -14,7 +14,11 @@ from typing import Any
 
 CATALOGUED = ("single", "pair", "crowd")
 UNCATALOGUED = ("outside", "outside_plus")
-KINDS = ("none", *CATALOGUED, *UNCATALOGUED)
+PLAIN = ("none", *CATALOGUED, *UNCATALOGUED)
+RICH = ("path", "lines", "rich", "rich_none")
+"""Kinds of worlds with many modes and lines. Scores keep them apart, so that those of the others are comparable between
+studies with and without them."""
+KINDS = (*PLAIN, *RICH)
 
 
 @dataclass(frozen=True)

@@ -88,6 +88,31 @@ def test_headline_counts() -> None:
     assert sum(s["worlds"] for s in scores.statuses(rows)) == len(rows)
 
 
+def test_rich_worlds_have_scores_of_their_own() -> None:
+    plain = [row("single", ("clipping",), ("clipping",)), row("none", (), (), "no_gap")]
+    rich = [
+        row("lines", ("line_spectrum",), ("drive_interference",)),
+        row("lines", ("line_spectrum",), ("line_spectrum",)),
+        row("path", ("transfer_path",), ("clipping",)),
+        row("rich", ("transfer_path", "dropout"), ("dropout",)),
+        row("rich_none", (), ("dropout",)),
+    ]
+    before, found = by_name(scores.headline(plain)), by_name(scores.headline(plain + rich))
+    assert {key: found[key].row for key in before} == {key: score.row for key, score in before.items()}
+    counts = {
+        ("first-named right", "lines"): (1, 2),
+        ("first-named of the right group", "lines"): (2, 2),
+        ("first-named of the right group", "path"): (0, 1),
+        ("exact set", "rich"): (0, 1),
+        ("recall", "rich"): (1, 2),
+        ("false alarms", "rich_none"): (1, 1),
+    }
+    assert {key: (found[key].k, found[key].n) for key in counts} == counts
+    details = by_name(scores.detailed(plain + rich))
+    assert details["detected", "all"].n == 1 and details["detected", "rich"].n == 1
+    assert [s["kind"] for s in scores.statuses(rich)] == ["path", "lines", "rich", "rich_none"]
+
+
 def test_a_refused_diagnosis_is_neither_alarm_nor_detection() -> None:
     rows = [row("none", (), (), "refused"), row("single", ("a",), (), "refused")]
     found = by_name(scores.detailed(rows))

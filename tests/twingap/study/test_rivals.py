@@ -10,6 +10,7 @@ from twingap.bearing import BEARINGS
 from twingap.effects import catalogue
 from twingap.records import Condition, Record
 from twingap.study import rivals, statistics
+from twingap.study.distortions import LEVEL, DistortionTests
 from twingap.study.neural import NeuralPosterior
 from twingap.study.verdicts import Found
 
@@ -112,6 +113,31 @@ def test_detectors_with_two_sample_test_may_say_outside() -> None:
     gap = Found("explained", ("b",), p_value=0.02)
     statuses = [f.status for f in rivals.with_two_sample([none, none, one], [none, gap, gap])]
     assert statuses == ["no_gap", "unexplained", "explained"]
+
+
+def test_distortions_are_just_detectable_and_the_strong_ones_named() -> None:
+    rng = np.random.default_rng(2)
+
+    def drawn(n: int, size: float) -> rivals.Examples:
+        """Correlated statistics; effects shift three of them each, by an amount that varies."""
+        present = rng.random((n, 3)) < 0.25
+        x = rng.standard_normal((n, 30)) @ (np.eye(30) + 0.06)
+        for k in range(3):
+            x[:, 4 * k : 4 * k + 3] += (size * rng.uniform(0.3, 1.7, n) * present[:, k])[:, None]
+        return rivals.Examples(x, present, ("a", "b", "c"))
+
+    rival = DistortionTests()
+    rival.fit(drawn(500, 4.0), rng)
+    strong, weak = drawn(2000, 6.0), drawn(2000, 0.5)
+    for test, least, most in ((strong, 0.95, 1.0), (weak, 0.1, 0.5)):
+        claimed = np.array([f.gap for f in rival.predict(test.x)])
+        with_effect = test.present.any(axis=1)
+        assert claimed[~with_effect].mean() < LEVEL + 0.04
+        assert least < claimed[with_effect].mean() <= most
+    one = strong.present.sum(axis=1) == 1
+    right = [f.first == "abc"[int(p.argmax())] for f, p in zip(rival.predict(strong.x), strong.present, strict=True)]
+    assert np.mean(np.array(right)[one]) > 0.9
+    assert all(0.01 < amplitude < 0.5 for _, amplitude in rival.fitted.tests.values())
 
 
 def test_neural_posterior_says_why_it_is_skipped_or_learns(

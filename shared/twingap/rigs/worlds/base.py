@@ -9,6 +9,7 @@ In internal units the noise of a healthy record at mean speed and load has unit 
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any, Final
@@ -41,6 +42,33 @@ class Mode:
     frequency_hz: float
     damping_ratio: float
     gain: float
+
+    def lag(self, rate_hz: float) -> int:
+        """Steps by which its response is late, at this rate."""
+        return 0
+
+
+@dataclass(frozen=True)
+class LateMode(Mode):
+    """A mode of a part farther from the bearing: its response arrives later than that of the others.
+
+    Parameters
+    ----------
+    delay_s : float
+        Travel time to the part and on to the sensor beyond that of the direct way, s.
+    """
+
+    delay_s: float = 0.0
+
+    def lag(self, rate_hz: float) -> int:
+        """Steps by which its response is late, at this rate."""
+        return round(self.delay_s * rate_hz)
+
+
+def path_modes(p: Mapping[str, Any]) -> tuple[LateMode, ...]:
+    """Modes that the effect `transfer_path` adds, from its parameters."""
+    columns = (p[name] for name in ("frequencies_hz", "damping_ratios", "gains", "delays_s"))
+    return tuple(LateMode(*values) for values in zip(*columns, strict=True))
 
 
 @dataclass(frozen=True)
@@ -136,10 +164,11 @@ class Base:
         """
         return thin(through(self.modes, force, self.hertz, self.fs_hz, drift), self.hertz)
 
-    def with_mode(self, mode: Mode) -> Base:
-        """The same machine, same noise force, with one more mode."""
-        unit = noise_norm((*self.modes, mode), self.hertz, self.fs_hz) / noise_norm(self.modes, self.hertz, self.fs_hz)
-        return replace(self, modes=(*self.modes, mode), structure_rms=self.structure_rms * unit)
+    def with_modes(self, *more: Mode) -> Base:
+        """The same machine, same noise force, with more modes."""
+        modes = (*self.modes, *more)
+        unit = noise_norm(modes, self.hertz, self.fs_hz) / noise_norm(self.modes, self.hertz, self.fs_hz)
+        return replace(self, modes=modes, structure_rms=self.structure_rms * unit)
 
 
 @lru_cache(maxsize=4096)
@@ -170,9 +199,11 @@ def through(modes: tuple[Mode, ...], force: Array, hertz: bool, fs_hz: float, dr
     step_s = 1 / (OVERSAMPLING * fs_hz)
     total = np.zeros(force.size)
     for mode in modes:
+        lag = mode.lag(OVERSAMPLING * fs_hz)
+        late = np.concatenate([np.zeros(lag), force[:-lag]]) if lag else force
         if drift is None:
             b, a = _filter(mode.frequency_hz, mode.damping_ratio, hertz, step_s)
-            total += mode.gain * signal.lfilter(b, a, force)
+            total += mode.gain * signal.lfilter(b, a, late)
             continue
         block = 256
         state = np.zeros(2)
@@ -180,19 +211,26 @@ def through(modes: tuple[Mode, ...], force: Array, hertz: bool, fs_hz: float, dr
             # Steps of a thousandth of the frequency are below what the spectrum resolves.
             hz = mode.frequency_hz * (1 + round(float(drift[at]), 3))
             b, a = _filter(hz, mode.damping_ratio, hertz, step_s)
-            part, state = signal.lfilter(b, a, force[at : at + block], zi=state)
+            part, state = signal.lfilter(b, a, late[at : at + block], zi=state)
             total[at : at + block] += mode.gain * part
+    return total
+
+
+def response(modes: tuple[Mode, ...], hertz: bool, fs_hz: float, hz: Array) -> NDArray[np.complex128]:
+    """Frequency response of the path at these frequencies, on the fine grid."""
+    fine_hz = OVERSAMPLING * fs_hz
+    total = np.zeros(hz.size, dtype=np.complex128)
+    for mode in modes:
+        b, a = _filter(mode.frequency_hz, mode.damping_ratio, hertz, 1 / fine_hz)
+        own = mode.gain * signal.freqz(b, a, worN=hz, fs=fine_hz)[1]
+        lag = mode.lag(fine_hz)
+        total += own * np.exp(-2j * np.pi * hz / fine_hz * lag) if lag else own
     return total
 
 
 def response_power(modes: tuple[Mode, ...], hertz: bool, fs_hz: float, hz: Array) -> Array:
     """Squared modulus of the path's frequency response at these frequencies."""
-    fine_hz = OVERSAMPLING * fs_hz
-    total = np.zeros(hz.size, dtype=np.complex128)
-    for mode in modes:
-        b, a = _filter(mode.frequency_hz, mode.damping_ratio, hertz, 1 / fine_hz)
-        total += mode.gain * signal.freqz(b, a, worN=hz, fs=fine_hz)[1]
-    return np.asarray(np.abs(total) ** 2)
+    return np.asarray(np.abs(response(modes, hertz, fs_hz, hz)) ** 2)
 
 
 @lru_cache(maxsize=1)

@@ -20,6 +20,9 @@ CATALOGUE: Final = (
 )  # fmt: skip
 """Names of the catalogued effects, in the order of the catalogue."""
 
+RICH: Final = ("transfer_path", "line_spectrum")
+"""Names of the catalogued effects of rich machines; see `twingap.rigs.worlds.rich`."""
+
 UNCATALOGUED: Final = (
     "sensor_asymmetry", "echo", "drifting_resonance", "gain_jumps", "half_rectified", "swelling_noise", "squeal",
     "two_state_impacts", "whirl", "amplitude_beat", "crossover", "interleave",
@@ -33,6 +36,8 @@ ON_FAULTS: Final = (
 """Effects on the impacts of a defect, which healthy records cannot show."""
 
 KINDS: Final = ("none", "single", "pair", "crowd", "outside", "outside_plus")
+RICH_KINDS: Final = ("path", "lines", "rich", "rich_none")
+"""Kinds of rich machines: the path is missing, the lines are missing, some effects are missing, nothing is missing."""
 ARMS: Final = ("twin", "contact")
 STRENGTHS: Final = ("weak", "medium", "strong")
 UNCATALOGUED_STRENGTHS: Final = ("moderate", "strong")
@@ -45,7 +50,7 @@ class Case:
     Parameters
     ----------
     kind : str
-        One of `KINDS`: a label for tables. What the world has is given by the lists below.
+        One of `KINDS` or `RICH_KINDS`: a label for tables. What the world has is given by the lists below.
     arm : {"twin", "contact"}
         "twin": the phenomenological baseline can represent the base machine. "contact": the base machine has contact
         dynamics, and the world includes simulated records of it.
@@ -66,12 +71,14 @@ class Case:
     faults : tuple of str, optional
         Faults that occur, with or without "healthy"; None = drawn at random.
     modelled : tuple of str
-        Effects that the machine has and that the twin file lists as modelled; not part of the gap.
+        Effects that the machine has and that the twin file lists as modelled; not part of the gap. Those of `RICH`
+        are in the simulated records of the contact arm, and not possible in the other.
 
     Raises
     ------
     TwingapError
-        For an unknown name or strength, an effect given twice, or too few or too short records.
+        For an unknown name or strength, an effect given twice, an effect that the twin cannot model, or too few or too
+        short records.
     """
 
     kind: str
@@ -89,9 +96,9 @@ class Case:
     def __post_init__(self) -> None:
         where = f"case {self.name!r}"
         checks: list[tuple[str, tuple[str, ...], tuple[str, ...]]] = [
-            ("kind", (self.kind,), KINDS),
+            ("kind", (self.kind,), (*KINDS, *RICH_KINDS)),
             ("arm", (self.arm,), ARMS),
-            ("effect", tuple(n for n, _ in self.effects) + self.modelled, CATALOGUE),
+            ("effect", tuple(n for n, _ in self.effects) + self.modelled, (*CATALOGUE, *RICH)),
             ("strength", tuple(s for _, s in self.effects), STRENGTHS),
             ("effect outside the catalogue", tuple(n for n, _ in self.uncatalogued), UNCATALOGUED),
             (
@@ -108,6 +115,10 @@ class Case:
         names = [n for n, _ in self.effects + self.uncatalogued] + list(self.modelled)
         if len(set(names)) < len(names):
             raise TwingapError("names an effect twice", where=where)
+        if self.arm == "twin" and set(self.modelled) & set(RICH):
+            raise TwingapError(
+                "the built-in twin has no values for a path or lines", where=where, mend="use arm contact"
+            )
         if self.n_records < 4 or not self.duration_s >= 0.1:
             what = f"{self.n_records} records of {self.duration_s:g} s, at least 4 of 0.1 s expected"
             raise TwingapError(what, where=where)

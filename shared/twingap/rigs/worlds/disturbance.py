@@ -50,6 +50,9 @@ def mechanical(layout: Layout, motion: Motion, effects: Effects, streams: Stream
         order = fault_order(layout.bearing, p["race"], motion.cage_ratio / layout.bearing.ftf)
         lines = [(k * order, a) for k, a in enumerate(p["amplitudes"], start=1)]
         total += tones(turns, lines, streams("waviness"), 0.1)
+    if p := effects.get("line_spectrum"):
+        lines = list(zip(p["orders"], p["order_amplitudes"], strict=True))
+        total += tones(turns, lines, streams("line_spectrum orders"), 0.1)
     if p := effects.get("coloured_noise"):
         total += coloured(p, t.size, layout.fs_hz, streams("coloured_noise"))
     if p := effects.get("whirl"):
@@ -78,6 +81,15 @@ def electrical(motion: Motion, effects: Effects, streams: Streams, t: Array, fs_
         for k, share in enumerate(p["sideband_ratios"], start=1):
             for sign in (-1, 1):
                 total += p["amplitude"] * share * np.cos(2 * np.pi * (carrier + sign * k * side + rng.uniform()))
+    if p := effects.get("line_spectrum"):
+        rng = streams("line_spectrum")
+        total += tones(t, zip(p["frequencies_hz"], p["amplitudes"], strict=True), rng, 0.1)
+        turns = motion.turns(t)
+        for carrier, order, amplitude in zip(
+            p["carriers_hz"], p["carrier_orders"], p["carrier_amplitudes"], strict=True
+        ):
+            level = amplitude * np.exp(0.1 * rng.standard_normal())
+            total += level * np.cos(2 * np.pi * (carrier * t + order * turns + rng.uniform()))
     if (p := effects.get("impulsive_noise")) and not p["through_structure"]:
         at, size = random_impacts(p, t[0], t[-1] - t[0], streams)
         length = int(8 * p["decay_s"] * fs_hz) + 2

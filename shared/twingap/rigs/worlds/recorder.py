@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import signal
 
-from twingap.rigs.worlds.base import OVERSAMPLING, Base, Mode
+from twingap.rigs.worlds.base import OVERSAMPLING, Base, Mode, path_modes
 from twingap.rigs.worlds.disturbance import electrical, mechanical
 from twingap.rigs.worlds.excitation import Effects, speed_deviation, swell, telegraph, total_force
 from twingap.rigs.worlds.layout import Layout
@@ -51,8 +51,10 @@ def simulate(base: Base, layout: Layout, i: int, rpm: float, effects: Effects, s
     motion = make_motion(rpm, start_s, end_s, cage, deviation, streams("motion").uniform(size=2))
 
     machine = base
+    if p := effects.get("transfer_path"):
+        machine = machine.with_modes(*path_modes(p))
     if p := effects.get("second_resonance"):
-        machine = base.with_mode(Mode(p["frequency_hz"], p["damping_ratio"], p["gain"]))
+        machine = machine.with_modes(Mode(p["frequency_hz"], p["damping_ratio"], p["gain"]))
     force = total_force(machine, layout, i, motion, effects, streams, start_s, OVERSAMPLING * n)
     drift = None
     if p := effects.get("drifting_resonance"):

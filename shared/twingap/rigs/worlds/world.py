@@ -18,10 +18,11 @@ import numpy as np
 from twingap.errors import TwingapError
 from twingap.records import Record, RecordSet
 from twingap.rigs.worlds.base import OWN, Base, draw_base
-from twingap.rigs.worlds.case import CATALOGUE, ENTRY_EXIT, Case
+from twingap.rigs.worlds.case import CATALOGUE, ENTRY_EXIT, RICH, Case
 from twingap.rigs.worlds.layout import Layout, draw_layout
 from twingap.rigs.worlds.machine_levels import measure
 from twingap.rigs.worlds.recorder import simulate
+from twingap.rigs.worlds.rich import draw_rich
 from twingap.rigs.worlds.strength import LAST, Params, draw_effect
 from twingap.rigs.worlds.truth import Truth
 from twingap.rigs.worlds.uncatalogued import draw_uncatalogued
@@ -98,7 +99,9 @@ def make_world(case: Case, seed: int) -> World:
     if case.arm == "contact":
         other = replace(base, gain=float(np.exp(rng.uniform(np.log(0.01), np.log(100)))), unit="")
         sim = _record(layout, other, {}, drawn.roots["sim"], layout.stated_rpm)
-    twin: dict[str, Any] = {"twin": {"model": "phenomenological", "effects": list(case.modelled)}}
+    twin: dict[str, Any] = {
+        "twin": {"model": "phenomenological", "effects": [n for n in case.modelled if n not in RICH]}
+    }
     if case.arm == "twin" and rng.random() < 0.2:  # some users know the resonance from a hammer test
         twin["parameters"] = {"resonance_hz": float(f"{base.modes[0].frequency_hz:.4g}")}
     notes = []
@@ -193,11 +196,11 @@ def _draw(case: Case, seed: int) -> _Drawn:
     layout = draw_layout(case, draw("layout"))
     base = draw_base(case.arm, layout, draw("base"))
     base = _with_own(case, layout, base, draw, roots["levels"])
-    parameters: dict[str, Params] = {}
-    early = [(n, s) for n, s in case.effects if n not in LAST]
+    parameters = _rich(dict(case.effects), layout, base, draw, roots["levels"])
+    early = [(n, s) for n, s in case.effects if n not in LAST and n not in RICH]
     late = [(n, s) for n, s in case.effects if n in LAST]
     if early or case.uncatalogued:
-        levels = measure(base, layout, base.own, roots["levels"], 1)
+        levels = measure(base, layout, {**base.own, **parameters}, roots["levels"], 1)
         for name, strength in early:
             parameters[name] = draw_effect(name, strength, levels, base, layout, draw(name))
         for name, strength in case.uncatalogued:
@@ -206,7 +209,7 @@ def _draw(case: Case, seed: int) -> _Drawn:
         levels = measure(base, layout, {**base.own, **parameters}, roots["levels"], 2)
         for name, strength in late:
             parameters[name] = draw_effect(name, strength, levels, base, layout, draw(name))
-    ordered = [n for n in CATALOGUE if n in parameters] + list(case.uncatalogued_names)
+    ordered = [n for n in (*CATALOGUE, *RICH) if n in parameters] + list(case.uncatalogued_names)
     return _Drawn(roots, layout, base, {name: parameters[name] for name in ordered})
 
 
@@ -223,9 +226,22 @@ def _with_own(case: Case, layout: Layout, base: Base, draw: Streams, root: int) 
                 own.setdefault(name, strength)
     if not own:
         return base
-    levels = measure(base, layout, {}, root, 1)
-    drawn = {n: draw_effect(n, s, levels, base, layout, draw(f"own {n}")) for n, s in own.items()}
+    drawn = _rich(own, layout, base, draw, root)
+    levels = measure(base, layout, drawn, root, 1)
+    for name, strength in own.items():
+        if name not in RICH:
+            drawn[name] = draw_effect(name, strength, levels, base, layout, draw(f"own {name}"))
     return replace(base, own=drawn)
+
+
+def _rich(wanted: Mapping[str, str], layout: Layout, base: Base, draw: Streams, root: int) -> dict[str, Params]:
+    """Parameters of the wanted effects of rich machines, the path first: other strengths are relative to it."""
+    made: dict[str, Params] = {}
+    for name in RICH:
+        if name in wanted:
+            levels = measure(base, layout, {**base.own, **made}, root, 1)
+            made[name] = draw_rich(name, wanted[name], levels, base, layout, draw(name))
+    return made
 
 
 def _record(

@@ -9,10 +9,12 @@ import pytest
 
 from twingap.bearing import FAULTS
 from twingap.errors import TwingapError
+from twingap.records import Record
 from twingap.rigs.worlds import (
     CATALOGUE,
     KINDS,
     ON_FAULTS,
+    RICH,
     STRENGTHS,
     TEST_BEARINGS,
     UNCATALOGUED,
@@ -26,8 +28,9 @@ from twingap.rigs.worlds import (
     replay,
     seal,
 )
-from twingap.rigs.worlds.base import OVERSAMPLING, Mode, noise_norm, thin, through
+from twingap.rigs.worlds.base import OVERSAMPLING, Mode, noise_norm, path_modes, thin, through, unit_response
 from twingap.rigs.worlds.motion import deposit
+from twingap.rigs.worlds.rich import zeros_outside
 
 NONCE = "0123456789abcdef"
 
@@ -155,6 +158,90 @@ def test_modelled_effects_are_no_gap() -> None:
     world = make_world(replace(small("none"), modelled=("load_zone",)), 0)
     assert world.twin["twin"]["effects"] == ["load_zone"] and world.truth.effects == ()
     assert set(world.base.own) == {"load_zone"}
+
+
+# --- rich machines ---
+
+
+def rich(kind: str, arm: str = "twin", effects: tuple[str, ...] = RICH, modelled: tuple[str, ...] = ()) -> World:
+    return make_world(replace(small(kind, arm, effects), modelled=modelled, duration_s=1.0), 3)
+
+
+@pytest.fixture(scope="module")
+def both() -> World:
+    return rich("rich")
+
+
+def minimum_phase(h: np.ndarray, n: int = 2**15) -> np.ndarray:
+    """Response of minimum phase with the same gain, by the cepstrum."""
+    gain = np.abs(np.fft.fft(h, n))
+    cepstrum = np.fft.ifft(np.log(gain + 1e-6 * gain.max())).real
+    cepstrum[1 : n // 2] *= 2
+    cepstrum[n // 2 + 1 :] = 0
+    return np.asarray(np.fft.ifft(np.exp(np.fft.fft(cepstrum))).real)
+
+
+def test_zeros_outside_are_counted() -> None:
+    """Two modes of equal sign have their zero between them; of opposite sign, beyond; a late one makes many."""
+    near, far = Mode(1500.0, 0.02, 1.0), Mode(1800.0, 0.02, 0.9)
+    assert zeros_outside((near,), False, 16_000.0) == zeros_outside((near, far), False, 16_000.0) == 0
+    assert zeros_outside((near, replace(far, gain=-0.95)), False, 16_000.0) == 1
+    p = {"frequencies_hz": [1800.0], "damping_ratios": [0.02], "gains": [3.0], "delays_s": [4e-4]}
+    assert zeros_outside((near, *path_modes(p)), False, 16_000.0) > 5
+
+
+def test_a_rich_path_is_not_of_minimum_phase(both: World) -> None:
+    base, p = both.base, both.truth.parameters["transfer_path"]
+    full = replace(base, pulse_s=1e-7).with_modes(*path_modes(p))
+    assert len(full.modes) >= 8 and p["zeros_outside"] >= 4
+    likeness = []
+    for one in (replace(base, pulse_s=1e-7), full):
+        h = unit_response(one)
+        least = minimum_phase(h)
+        same = np.fft.ifft(np.fft.fft(h, least.size) * np.conj(np.fft.fft(least))).real
+        likeness.append(np.abs(same).max() / np.sum(h**2))
+    assert likeness[0] > 0.98 and likeness[1] < 0.93
+
+
+def heights(record: Record, places_hz: list[float]) -> np.ndarray:
+    """Power of the lines at these places over the median around them."""
+    power = np.abs(np.fft.rfft(record.samples * np.hanning(record.samples.size))) ** 2
+    bins = [round(hz * record.condition.duration_s) for hz in places_hz]
+    return np.array([power[k - 1 : k + 2].max() / np.median(power[k - 25 : k + 26]) for k in bins])
+
+
+def test_rich_records_hold_fifty_lines_beside_an_empty_carrier(both: World) -> None:
+    p = both.truth.parameters["line_spectrum"]
+    empty, pair = [], []
+    for record, rpm in zip(both.records, both.layout.speed_rpm, strict=True):
+        beside = [c + o * rpm / 60 for c, o in zip(p["carriers_hz"], p["carrier_orders"], strict=True)]
+        places = [*beside, *(o * rpm / 60 for o in p["orders"]), *p["frequencies_hz"]]
+        assert len({round(hz) for hz, height in zip(places, heights(record, places), strict=True) if height > 8}) >= 50
+        empty += list(heights(record, p["carriers_hz"][:1]))
+        pair += list(heights(record, beside[2:4]))
+    assert np.median(empty) < 8 and min(pair) > 20
+
+
+def test_a_rich_simulator_has_path_and_lines_too() -> None:
+    world = rich("rich_none", "contact", (), RICH)
+    assert world.truth.effects == () and set(world.truth.base["own"]) >= set(RICH)
+    assert world.sim is not None and world.twin["twin"]["effects"] == []
+    own = world.base.own["line_spectrum"]
+    for record, rpm in zip(world.sim, world.layout.stated_rpm, strict=True):
+        pair = [own["carriers_hz"][0] + order * rpm / 60 for order in (-2, 2)]
+        assert heights(record, pair).min() > 20
+    with pytest.raises(TwingapError, match="no values for a path"):
+        Case("rich_none", modelled=RICH)
+
+
+def test_rich_worlds_leave_the_others_as_they_are() -> None:
+    plan = cases(30, 4, 15)
+    assert plan[:30] == cases(30, 4) and len({c.name for c in plan}) == 45
+    more = cases(6, 4, 150)[6:]
+    assert Counter(c.kind for c in more) == {"path": 40, "lines": 40, "rich": 50, "rich_none": 20}
+    assert all(set(RICH) <= {*c.effect_names, *c.modelled} for c in more if c.kind.startswith("rich"))
+    assert all(len(c.effects) == (c.kind != "rich_none") for c in more if c.kind != "rich")
+    assert not any({"second_resonance", "gear_mesh", "mains_interference"} & set(c.effect_names) for c in more)
 
 
 # --- seals ---
