@@ -20,7 +20,7 @@ from twingap.errors import TwingapError
 
 
 def _load(paths: list[Path] | None) -> list[Path] | None:
-    """Register the effects of files before the command begins."""
+    """Register the effects and simulators of files before the command begins."""
     if paths:
         from twingap.effects import load_effects
 
@@ -64,7 +64,7 @@ Effects = Annotated[
     list[Path] | None,
     typer.Option(
         "--effects", metavar="FILE.py", callback=_load, is_eager=True, show_default=False,
-        help="Python file that registers your own effects; repeatable.",
+        help="Python file that registers your own effects or simulator; repeatable.",
     ),
 ]  # fmt: skip
 

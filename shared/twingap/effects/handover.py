@@ -1,4 +1,4 @@
-"""Transfer of a user's own effects to worker processes and clusters, and a digest that detects edits.
+"""Transfer of a user's own effects, and files of twin models, to worker processes and clusters, and a digest that detects edits.
 
 A task takes `HandedEffects` as its first argument. Where that is unpickled, the effects of its sender are registered
 before any later argument is read: those of a file from the file's text, those registered in Python by value. A worker
@@ -74,13 +74,18 @@ def handed_effects() -> HandedEffects:
     files = {name: file for name, kind in own.items() if (file := registry.file_of(kind)) is not None}
     names = tuple((name, files[name].module if name in files else "") for name in own)
     classes = _by_value({name: kind for name, kind in own.items() if name not in files})
-    return HandedEffects(names, tuple(dict.fromkeys(files.values())), classes, digest_of_effects(), _PROCESS)
+    sent = tuple(dict.fromkeys((*files.values(), *registry.files_of_models())))
+    return HandedEffects(names, sent, classes, digest_of_effects(), _PROCESS)
 
 
 def digest_of_effects() -> str:
-    """Hex sha256 of the source of the user's own effects, to be part of every stored result's key; "" without any."""
-    own = digests_of_effects()
-    return digest_of_value([list(item) for item in own.items()]) if own else ""
+    """Hex sha256 of the source of the user's own effects and of files with twin models; "" without any.
+
+    It is part of every stored result's key.
+    """
+    own = [list(item) for item in digests_of_effects().items()]
+    own += [["", hashlib.sha256(file.text.encode()).hexdigest()] for file in registry.files_of_models()]
+    return digest_of_value(own) if own else ""
 
 
 def digests_of_effects() -> dict[str, str]:

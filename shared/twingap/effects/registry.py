@@ -1,7 +1,8 @@
 """Registry of effects: those that ship with twingap, and a user's own.
 
 A user's own effects come from three places: `register` in Python, a file (`load_effects`; ``--effects FILE.py`` on the
-command line), and installed packages that name a module in the entry point group ``twingap.effects``.
+command line), and installed packages that name a module in the entry point group ``twingap.effects``. Files and packages
+may also register twin models, such as functions (`twins.register_callable`).
 """
 
 from __future__ import annotations
@@ -45,13 +46,15 @@ ENTRY_POINTS: Final = "twingap.effects"
 
 _SHIPPED: dict[str, type[Effect]] = {}
 _OWN: dict[str, type[Effect]] = {}
-_FILES: dict[str, tuple[EffectFile, dict[str, type[Effect]]]] = {}
-"""Loaded files by name of the module that was made of them, with the effects that they registered."""
+OWN_MODELS: Final[dict[str, Any]] = {}
+"""Twin models of a user's own by name; `twins.register_model` adds them."""
+_FILES: dict[str, tuple[EffectFile, dict[str, type[Effect]], dict[str, Any]]] = {}
+"""Loaded files by name of the module that was made of them, with the effects and models that they registered."""
 
 
 @dataclass(frozen=True)
 class EffectFile:
-    """A user's file of effects.
+    """A user's file of effects, of twin models, or of both.
 
     Parameters
     ----------
@@ -157,7 +160,7 @@ def in_order(effects: tuple[Effect, ...]) -> tuple[Effect, ...]:
 
 
 def load_effects(path: str | os.PathLike[str]) -> tuple[str, ...]:
-    """Import a Python file that registers effects.
+    """Import a Python file that registers effects or twin models.
 
     The file stands alone: it may import installed packages, not its neighbours, so that worker processes and clusters
     can load it from its text. Loaded again after an edit, its effects replace the earlier ones.
@@ -165,7 +168,7 @@ def load_effects(path: str | os.PathLike[str]) -> tuple[str, ...]:
     Parameters
     ----------
     path : path-like
-        A Python file that calls `register`.
+        A Python file that calls `register`, or `twins.register_callable`.
 
     Returns
     -------
@@ -187,17 +190,21 @@ def load_effects(path: str | os.PathLike[str]) -> tuple[str, ...]:
 
 
 def load_file(file: EffectFile) -> dict[str, type[Effect]]:
-    """Register the effects of a file from its text, and return them by name; see `load_effects`."""
-    before = dict(_OWN)
+    """Register effects and models of a file from its text, and return its effects by name; see `load_effects`."""
+    before, models_before = dict(_OWN), dict(OWN_MODELS)
     # What an earlier version of the file registered goes.
+    earlier = [model for known, _, models in _FILES.values() if known.path == file.path for model in models.values()]
+    other_models = {name: model for name, model in models_before.items() if not any(model is one for one in earlier)}
     others = {
         name: kind for name, kind in before.items() if (known := file_of(kind)) is None or known.path != file.path
     }
     if file.module in _FILES:
-        _, kinds = _FILES[file.module]
+        _, kinds, models = _FILES[file.module]
         replace_own({**others, **kinds})
+        _replace_models({**other_models, **models})
         return dict(kinds)
     _OWN.clear()
+    OWN_MODELS.clear()
     module = ModuleType(file.module)
     module.__file__ = file.path
     # Tracebacks and `inspect.getsource` find the text that runs, also where the file is not or has been edited since.
@@ -205,19 +212,31 @@ def load_file(file: EffectFile) -> dict[str, type[Effect]]:
     sys.modules[file.module] = module
     try:
         exec(compile(file.text, file.path, "exec", dont_inherit=True), vars(module))
-        kinds = dict(_OWN)
-        if not kinds:
-            mend = "put @register (from twingap.effects) above each effect's class"
-            raise TwingapError("registers no effect of its own", where=file.path, mend=mend)
+        kinds, models = dict(_OWN), dict(OWN_MODELS)
+        if not (kinds or models):
+            mend = (
+                "put @register (from twingap.effects) above each effect's class, or call register_callable (from "
+                "twingap.twins) for a simulator"
+            )
+            raise TwingapError("registers no effect or simulator of its own", where=file.path, mend=mend)
         replace_own({**others, **kinds})
+        _replace_models({**other_models, **models})
     except BaseException as error:
         del sys.modules[file.module]
         replace_own(before)
+        _replace_models(models_before)
         if isinstance(error, (Exception, SystemExit)):
             raise _located(error, file) from error
         raise
-    _FILES[file.module] = file, kinds
+    _FILES[file.module] = file, kinds, models
     return dict(kinds)
+
+
+def files_of_models() -> tuple[EffectFile, ...]:
+    """The loaded files that twin models were registered in."""
+    return tuple(
+        file for file, _, models in _FILES.values() if any(OWN_MODELS.get(n) is model for n, model in models.items())
+    )
 
 
 def file_of(kind: type[Effect]) -> EffectFile | None:
@@ -229,6 +248,11 @@ def replace_own(kinds: Mapping[str, type[Effect]]) -> None:
     """Know these effects of a user's own, in this order, and no others."""
     _OWN.clear()
     _OWN.update(kinds)
+
+
+def _replace_models(models: Mapping[str, Any]) -> None:
+    OWN_MODELS.clear()
+    OWN_MODELS.update(models)
 
 
 def _located(error: BaseException, file: EffectFile) -> TwingapError:

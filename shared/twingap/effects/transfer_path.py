@@ -37,7 +37,8 @@ class TransferPath(Effect):
     that of minimum phase with this gain, so that an impact stays the beginning of its response. Only the product of
     path and impact strength can be identified, so that a constant gain is left to the impacts. All vibration of the
     bearing passes it, noise of the measuring chain does not. Of a finished waveform impacts and force are read off
-    (`impact_train`) and pass it; where its impacts are not known, all samples do.
+    (`impact_train`) and pass it; where its impacts are not known, or with `all_samples`, the whole waveform does: it is
+    then the filter of another sensor, mounting or amplifier.
     """
 
     stage: ClassVar[Stage] = Stage.PATH
@@ -62,6 +63,14 @@ class TransferPath(Effect):
         searched=False,
         doc="whether the sign of the response is turned",
     )
+    all_samples: bool = parameter(
+        False,
+        unit="",
+        plausible=(0, 1),
+        allowed=(0, 1),
+        searched=False,
+        doc="whether all of a finished waveform passes it, not its impacts and force alone",
+    )
     frequencies_hz: tuple[float, ...] = profile(
         (500.0, 1500.0, 3000.0, 5000.0, 9000.0), unit="Hz", doc="frequencies of the gains, increasing"
     )
@@ -77,7 +86,7 @@ class TransferPath(Effect):
         if not self.frequencies_hz or (self.depth == 0 and not self.inverted):
             return
         fs_hz, sign = draft.condition.fs_hz, -1.0 if self.inverted else 1.0
-        if draft.excitation == "waveform" and (train := train_of(draft)) is not None:
+        if draft.excitation == "waveform" and not self.all_samples and (train := train_of(draft)) is not None:
             vibration = np.pad(train.impacts + train.forced(rng), (LEAD, 0), mode="reflect")
             gain = minimum_phase(fast_length(vibration.size), fs_hz, self.frequencies_hz, self.gains_db, self.depth)
             draft.x = draft.x + filtered(vibration, sign * gain - 1)[LEAD:]

@@ -1,6 +1,6 @@
 """External simulator: the user's own simulated records in place of a twin.
 
-conditions --nearest in fault, speed, load, time--> simulated record --rate, length, level--> record
+conditions --nearest in fault, unit, speed, load, time--> simulated record --rate, length, level--> record
            --resampling to another speed, effects on the finished waveform------------------> record
 
 Effects of path, disturbance and acquisition are applied to the waveform, those of the shaft angle by resampling, and
@@ -25,6 +25,7 @@ from twingap.bearing import Bearing
 from twingap.effects import Effect, Stage, apply_to_waveform
 from twingap.effects.angle import at_angles
 from twingap.effects.background import Background
+from twingap.effects.by_state import unit_of
 from twingap.effects.impact_train import response_of
 from twingap.errors import TwingapError
 from twingap.identification.baseline import level_of_own
@@ -43,6 +44,8 @@ SAME_GAIN: Final = math.log(1.1)
 levels."""
 _OTHER_FAULT: Final = 1e6
 """Distance of a record of another fault; larger than all other distances."""
+_OTHER_UNIT: Final = 10.0
+"""Distance of a record of another unit (bearing, mounting); larger than those of speed, load and time."""
 _TOO_SLOW: Final = 1e3
 """Distance of a record at a lower sampling rate than the real one: it is selected only where there is no other, and
 then rejected."""
@@ -383,6 +386,7 @@ class _SimulatedConditions:
 
     def __init__(self, conditions: Sequence[Condition]) -> None:
         self.fault = np.array([c.fault or "" for c in conditions])
+        self.unit = np.array([unit_of(c) for c in conditions])
         self.speed_rpm = np.array([c.speed_rpm for c in conditions], float)
         self.fs_hz = np.array([c.fs_hz for c in conditions], float)
         self.load_n = np.array([c.load_n or math.nan for c in conditions], float)
@@ -392,8 +396,9 @@ class _SimulatedConditions:
 
     def distances(self, real: Condition) -> Array:
         """[simulated records] Distance to a real condition: 1 per doubling of speed or per whole run, 0.3 per
-        doubling of load."""
+        doubling of load; more than these for another unit."""
         out = np.where(self.fault == (real.fault or ""), 0.0, _OTHER_FAULT)
+        out += np.where(self.unit == unit_of(real), 0.0, _OTHER_UNIT)
         out += np.where(self.fs_hz < 0.999 * real.fs_hz, _TOO_SLOW, 0.0)
         out += np.abs(np.log2(self.speed_rpm / real.speed_rpm))
         if real.load_n:

@@ -38,6 +38,7 @@ from typing import Any, Final
 from twingap.bearing import Bearing
 from twingap.config import build, read_toml, to_toml
 from twingap.effects import Effect, catalogue, make_effect
+from twingap.effects.registry import OWN_MODELS
 from twingap.errors import TwingapError
 from twingap.files import replacing
 from twingap.twins.base import Twin
@@ -75,12 +76,12 @@ class Model:
 
 
 MODELS: dict[str, Model] = {}
-"""Models by name; `register_model` adds further ones."""
+"""Built-in models by name."""
 
 
 def register_model(model: Model) -> Model:
-    """Register a model for twin files; it replaces an earlier one of the same name."""
-    MODELS[model.name] = model
+    """Register a model of the user's own for twin files; it replaces an earlier one of the same name."""
+    OWN_MODELS[model.name] = model
     return model
 
 
@@ -325,14 +326,18 @@ def model_of(spec: TwinSpec) -> Model:
     TwingapError
         When no model of that name is registered.
     """
-    _load_own_models()
-    if spec.model not in MODELS:
+    _load_built_in_models()
+    if spec.model not in (known := {**MODELS, **OWN_MODELS}):
+        catalogue()  # installed packages may bring models
+        known.update(OWN_MODELS)
+    if spec.model not in known:
         raise TwingapError(
             f"{spec.model!r} found, a known model expected",
             where="[twin] model",
-            mend=f"use one of {', '.join(MODELS)}",
+            mend=f"use one of {', '.join(known)}; for a function of your own, name the Python file that registers it "
+            "(--effects FILE.py, or load_effects in Python)",
         )
-    return MODELS[spec.model]
+    return known[spec.model]
 
 
 def model_parameters(spec: TwinSpec) -> Any:
@@ -485,30 +490,26 @@ def tables_of(spec: TwinSpec) -> dict[str, Any]:
     return tables
 
 
-def _load_own_models() -> None:
+def _load_built_in_models() -> None:
     """Register the built-in models on first use, so that reading a twin file compiles nothing."""
     if "phenomenological" not in MODELS:
         from twingap.twins.phenomenological import PhenomenologicalParameters, PhenomenologicalTwin
 
-        register_model(
-            Model(
-                "phenomenological",
-                PhenomenologicalParameters,
-                lambda parameters, bearing, effects, unit: PhenomenologicalTwin(bearing, parameters, effects, unit),
-            )
+        MODELS["phenomenological"] = Model(
+            "phenomenological",
+            PhenomenologicalParameters,
+            lambda parameters, bearing, effects, unit: PhenomenologicalTwin(bearing, parameters, effects, unit),
         )
     if "contact" not in MODELS:
         from twingap.twins.contact import ContactTwin
         from twingap.twins.contact_parameters import PRESETS, ContactParameters
 
-        register_model(
-            Model(
-                "contact",
-                ContactParameters,
-                lambda parameters, bearing, effects, unit: ContactTwin(bearing, parameters, effects, unit),
-                PRESETS,
-                "m/s^2",
-            )
+        MODELS["contact"] = Model(
+            "contact",
+            ContactParameters,
+            lambda parameters, bearing, effects, unit: ContactTwin(bearing, parameters, effects, unit),
+            PRESETS,
+            "m/s^2",
         )
 
 

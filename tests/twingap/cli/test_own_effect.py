@@ -15,8 +15,11 @@ from papers import reproduce
 from papers.paper3_zoa_dann.inputs.study import STUDY
 from tests.twingap.cli.typed import Run, refused
 from twingap.bearing import BEARINGS
+from twingap.effects import registry
+from twingap.effects.handover import handed_effects
 from twingap.records import Condition
-from twingap.records.folder import write_records
+from twingap.records.folder import read_record_set, write_records
+from twingap.twins import twin_file
 from twingap.twins.phenomenological import PhenomenologicalTwin
 
 FILE = (Path(__file__).parents[3] / "docs" / "how-to" / "my_effects.py").read_text(encoding="utf-8")
@@ -63,6 +66,44 @@ def test_one_new_file_is_all_that_an_effect_takes(typed: Run, tmp_path: Path) ->
         "simulate", tmp_path / "out" / "closest.toml", "--records", asked, "--out", tmp_path / "again", "--effects", own
     )
     assert again.status == 0, again.err
+
+
+SIMULATOR = """
+import numpy as np
+from twingap.twins import register_callable
+
+
+def tones(conditions, rng):
+    return [np.sin({pitch} * np.arange(c.n_samples)) + 0.1 * rng.standard_normal(c.n_samples) for c in conditions]
+
+
+register_callable("tones", tones)
+"""
+
+
+def test_a_file_registers_a_simulator(typed: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(registry, "OWN_MODELS", {})
+    monkeypatch.setattr(twin_file, "OWN_MODELS", registry.OWN_MODELS)
+    own, twin, asked = (tmp_path / name for name in ("mine.py", "closest.toml", "asked.csv"))
+    twin.write_text(
+        '[twin]\nmodel = "tones"\neffects = ["clipping"]\n[parameters]\nscale = 2.0\n[parameters.clipping]\nrail = 0.5\n'
+        '[bearing]\nname = "6205"\nn_rollers = 9\nroller_diameter_mm = 7.94\npitch_diameter_mm = 39.04\n'
+    )
+    asked.write_text("record,speed_rpm,fs_hz,n_samples,fault\na,1500,12000,600,outer\n")
+    command = ("simulate", twin, "--records", asked)
+    refused(typed(*command, "--out", tmp_path / "none"), "'tones' found, a known model expected", "--effects FILE.py")
+    peaks = []
+    for pitch in (0.3, 0.9):
+        own.write_text(SIMULATOR.format(pitch=pitch))
+        made = typed(*command, "--out", tmp_path / f"at {pitch}", "--effects", own)
+        assert made.status == 0, made.err
+        x = read_record_set(tmp_path / f"at {pitch}")[0].samples
+        assert np.abs(x).max() == pytest.approx(1.0)
+        peaks.append(2 * np.pi * np.abs(np.fft.rfft(x)).argmax() / x.size)
+    assert peaks == pytest.approx([0.3, 0.9], abs=0.02), "an edited file replaces what it registered"
+    sent = [file.text for file in handed_effects().files]
+    assert own.read_text() in sent, "workers know it too"
+    assert SIMULATOR.format(pitch=0.3) not in sent
 
 
 TINY = """

@@ -254,8 +254,8 @@ def test_file_brings_effects_and_its_edit_replaces_them(own: None, tmp_path: Pat
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("x = 1\n", r"ä.py: registers no effect of its own; put @register"),
-        ("from twingap.effects import *\nregister(SlipJitter)\n", "registers no effect of its own"),
+        ("x = 1\n", r"ä.py: registers no effect or simulator of its own; put @register"),
+        ("from twingap.effects import *\nregister(SlipJitter)\n", "registers no effect or simulator of its own"),
         ("x = 1\nif x\n", r"ä.py: line 2: syntax error: expected ':'"),
         ("def f():\n    return 1 / 0\n\nf()\n", r"ä.py: line 2: ZeroDivisionError: division by zero"),
         ("import neighbour_that_is_not_there\n", "line 1: ModuleNotFoundError: No module named"),

@@ -321,6 +321,17 @@ def test_simulated_records_are_ranked_by_fault_speed_load_and_time() -> None:
         assert own._ranked(condition) == [i for d, i in order if d <= order[0][0] + 0.01]
 
 
+def test_records_of_the_same_bearing_are_matched_before_those_of_the_same_speed() -> None:
+    def of(name: str, speed_rpm: float, unit: str) -> Record:
+        condition = Condition(name, speed_rpm, 12000, 64, "outer", extra={"bearing_id": unit} if unit else {})
+        return Record(condition, np.random.default_rng(0).standard_normal(64))
+
+    made = RecordSet.from_records("made", "g", BEARING, [of("a", 1500, "A"), of("b", 1550, "B"), of("c", 1900, "B")])
+    real = RecordSet.from_records("real", "g", BEARING, [of("b1", 1500, "B"), of("x", 1500, "X"), of("none", 1900, "")])
+    own = ExternalSimulator(made, real, BEARING, 1.0)
+    assert [own._ranked(c)[0] for c in real.conditions] == [1, 0, 2]
+
+
 # ------------------------------------------------------------------------------------------------------------ functions
 
 

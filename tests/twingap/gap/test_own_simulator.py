@@ -8,7 +8,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from scipy.signal import welch
+from scipy.signal import firwin2, freqz, welch
 
 from tests.twingap.gap.own_simulator import (
     BEARING,
@@ -23,7 +23,7 @@ from tests.twingap.gap.own_simulator import (
     simulated,
     waveform,
 )
-from twingap.effects import make_effect
+from twingap.effects import TransferPath, make_effect
 from twingap.effects.clipping import Clipping
 from twingap.effects.impact_train import response_of
 from twingap.effects.mains_interference import MainsInterference
@@ -33,9 +33,10 @@ from twingap.gap.external_simulator import ExternalSimulator
 from twingap.gap.report.formats import closure
 from twingap.gap.report.model import REFERENCE, Place, TwoSampleTest, Verdict
 from twingap.gap.search.closest_twin import closest_spec
-from twingap.gap.search.effect_search import Explanation
+from twingap.gap.search.effect_search import Estimated, Explanation
 from twingap.gap.search.evidence import Compared, Evidence, simulator_of
 from twingap.gap.search.initial_values import observations
+from twingap.gap.search.measured_effects import with_measured
 from twingap.identification import identify
 from twingap.identification.calibrate import calibrate
 from twingap.records import Record, RecordSet
@@ -164,6 +165,43 @@ def test_impacts_and_force_of_a_finished_waveform_pass_a_second_mode(way: str, f
     off_db = 10 * np.log10(theirs.mean(axis=0) / ours.mean(axis=0))
     assert np.abs(off_db[(place > 4800) & (place < 5600)]).mean() < 1.0
     assert np.abs(off_db[(place > 300) & (place < 12_000)]).mean() < 0.8
+
+
+def filtered(records: RecordSet, gains: tuple[float, ...]) -> tuple[RecordSet, np.ndarray]:
+    """Records that have passed a secret FIR filter as a whole, and its impulse response."""
+    places = np.linspace(0, FS_HZ / 2, len(gains))
+    taps = firwin2(257, places, 10 ** (np.array(gains) / 20), fs=FS_HZ)
+    rows = (Record(r.condition, np.convolve(r.samples, taps)[: r.condition.n_samples]) for r in records)
+    return RecordSet.from_records("filtered", "g", BEARING, rows), taps
+
+
+def test_a_filter_of_whole_waveforms_is_a_path_and_takes_the_place_of_what_stands_in_for_it() -> None:
+    records, taps = filtered(machine("nothing"), (-6.0, 8.0, -9.0, 5.0, 9.0, -8.0, 3.0))
+    evidence = evidence_of(records, "sim")
+    mode = make_effect("second_resonance", {"frequency_hz": 8500.0, "gain": 0.3})
+    before, after = evidence.against(), evidence.against((mode,))
+    explanation = Explanation(
+        0.01, True, (Estimated(mode, {}),), {}, ((), ("second_resonance",)), 0.01, before, after, {}
+    )
+    found = with_measured(evidence, explanation)
+    assert found.names == ("transfer_path",)
+    assert found.confidence_set == (("transfer_path",),)
+    assert found.probability["second_resonance"] == 0.0
+    (path,) = found.after.effects
+    assert isinstance(path, TransferPath) and path.all_samples
+    at = np.linspace(300.0, 12_000.0, 60)
+    true = 20 * np.log10(np.abs(freqz(taps, worN=at, fs=FS_HZ)[1]))
+    off_db = np.interp(at, path.frequencies_hz, path.gains_db) - true
+    assert np.quantile(np.abs(off_db - np.median(off_db)), 0.9) < 1.5
+
+
+def test_a_mode_of_the_impacts_is_no_filter_of_whole_waveforms() -> None:
+    of = evidence("second mode", "sim")
+    f_hz, damping, gain = SECOND_MODE
+    mode = make_effect("second_resonance", {"frequency_hz": f_hz, "damping_ratio": damping, "gain": gain})
+    before, after = of.against(), of.against((mode,))
+    explanation = Explanation(0.01, True, (Estimated(mode, {}),), {}, ((),), 0.01, before, after, {})
+    assert with_measured(of, explanation).names == ("second_resonance",)
 
 
 # ------------------------------------------------------------------------------------------------------------- verdicts

@@ -21,7 +21,6 @@ from twingap.records import Condition
 from twingap.twins.contact_parameters import PRESETS
 from twingap.twins.phenomenological import PhenomenologicalParameters, PhenomenologicalTwin
 from twingap.twins.twin_file import (
-    MODELS,
     Model,
     Provenance,
     TwinSpec,
@@ -103,7 +102,7 @@ def test_a_model_of_ones_own() -> None:
         with pytest.raises(TwingapError, match="known parameters: loudness"):
             TwinSpec("loud", parameters={"resonance_hz": 3.0})
     finally:
-        del MODELS["loud"]
+        del OWN_MODELS["loud"]
 
 
 numbers = st.floats(1e-3, 1e4)

@@ -109,6 +109,9 @@ def closest_twin(
             one = _with_spectra(evidence, given, choices, by)
             noisier = by != preferred and best.by == preferred
             best = one if one.misfit < (OWN_WORTH if noisier else WORTH) * best.misfit else best
+        if evidence.against().simulator.makes_waveforms:
+            one = _with_spectra(evidence, given, ((PATH,), (PATH, BACKGROUND)), "all", all_samples=True)
+            best = one if one.misfit < WORTH * best.misfit else best
         # Trial records are shortened, and regular impacts stand out the more the longer a record is.
         left = evidence.gap(best.simulator, best.effects, _OTHER)
         if left < WORTH * least:
@@ -175,11 +178,13 @@ def _rhythms(evidence: Evidence, start: _Twin, found: Explanation) -> Iterator[_
             yield _Twin(start.simulator, chain, evidence.misfit(start.simulator, chain))
 
 
-def _with_spectra(evidence: Evidence, now: _Twin, choices: Sequence[tuple[str, ...]], by: By) -> _Twin:
+def _with_spectra(
+    evidence: Evidence, now: _Twin, choices: Sequence[tuple[str, ...]], by: By, *, all_samples: bool = False
+) -> _Twin:
     """The twin with the choice of measured spectra that brings it closest."""
     best = now
     for names in choices:
-        made = measured(evidence, now.simulator, now.effects, names, by=by) if names else None
+        made = measured(evidence, now.simulator, now.effects, names, by=by, all_samples=all_samples) if names else None
         if made is None:
             continue
         one = _Twin(*made, evidence.misfit(*made), by)

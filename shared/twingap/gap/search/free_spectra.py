@@ -4,8 +4,9 @@ faulty states less healthy ones, records and twin --log ratio--> gains of the pa
 healthy states, records less twin ---------------difference---> densities of noise -+--> simulated, corrected
 lines of the records that the twin lacks, in Hz and in shaft orders ---------------> list of lines
 
-Only impacts show the path, so that healthy spectra are subtracted where there are any. Without healthy records the
-background is not measured.
+Only impacts show the path, so that healthy spectra are subtracted where there are any. A path that all samples of a
+finished waveform pass is one filter for all records, which all spectra show. Without healthy records the background is
+not measured.
 """
 
 from __future__ import annotations
@@ -96,6 +97,7 @@ def measured(
     rounds: int = ROUNDS,
     *,
     by: By = "all",
+    all_samples: bool = False,
 ) -> tuple[Simulator, Chain] | None:
     """The twin with transfer path, background or lines as measured on the fit part.
 
@@ -111,6 +113,9 @@ def measured(
         Simulations by which path and background are corrected.
     by : {"all", "fault", "unit"}
         Whose records have their own, as different bearings in different mountings have. Lines are not measured by unit.
+    all_samples : bool
+        Whether all samples of finished waveforms pass the path, one for all records (`TransferPath.all_samples`); so it
+        is where the path of `effects` is such a one.
 
     Returns
     -------
@@ -126,6 +131,7 @@ def measured(
         return None
     kept = tuple(effect for effect in effects if effect.name not in names)
     known = {effect.name: effect for effect in effects}
+    all_samples = all_samples or passed_by_all_samples(known.get(PATH))
     paths = {state: _path_of(known.get(PATH), state, spectra) for state in states} if PATH in names else {}
     densities: dict[State, Array | None] = dict.fromkeys(states if BACKGROUND in names else ())
     if BACKGROUND in names and (own := known.get(BACKGROUND)) is not None:
@@ -136,9 +142,12 @@ def measured(
     lines = _all_lines(evidence, simulator, kept, states) if LINES in names and paths else ()
     over = known if by == "unit" else {}
     for _ in range(rounds if paths or densities else 0):
-        chain = _with((*kept, *lines), spectra, paths, densities, simulator.reference_rms, over)
+        chain = _with((*kept, *lines), spectra, paths, densities, simulator.reference_rms, over, all_samples)
         made = spectra.of(evidence.simulated(simulator, chain, spectra.records.conditions, 3))
-        if paths:
+        if all_samples and paths:
+            step = _filter_step(spectra, made)
+            paths = {state: path + step for state, path in paths.items()}
+        elif paths:
             steps, levels = _path_steps(spectra, made, states, has_levels=has_levels)
             paths = {state: path + steps[state] for state, path in paths.items()}
             simulator = _louder(evidence, simulator, kept, levels)
@@ -148,10 +157,16 @@ def measured(
             # What impacts, other effects and a finished waveform have between lines stays.
             rest = 0.0 if density is None else np.maximum(now - density, 0.0)
             densities[state] = np.maximum(wanted - rest, _LEAST_NOISE * wanted)
-    chain = _with(kept, spectra, paths, densities, simulator.reference_rms, over)
+    chain = _with(kept, spectra, paths, densities, simulator.reference_rms, over, all_samples)
     if LINES in names:
         chain = (*chain, *_all_lines(evidence, simulator, chain, states))
     return None if chain == kept else (simulator, chain)
+
+
+def passed_by_all_samples(path: Effect | None) -> bool:
+    """Whether a path is a filter of whole waveforms."""
+    plain = path.base if isinstance(path, ByState) else path
+    return isinstance(plain, TransferPath) and plain.all_samples
 
 
 def by_of(effects: Iterable[Effect]) -> By:
@@ -271,6 +286,12 @@ def _path_steps(
     return {state: own_steps.get(state, shared) for state in states}, levels
 
 
+def _filter_step(spectra: Spectra, made: Mapping[State, StateLevels]) -> Array:
+    """[bands] Correction, log power, of a filter that all records pass as a whole."""
+    off = np.mean([spectra.real[state].all - made[state].all for state in spectra.states], axis=0)
+    return _between_bands(np.clip(off, -_LARGEST_STEP, _LARGEST_STEP), np.ones(_BANDS))
+
+
 def _between_bands(total: Array, weights: Array) -> Array:
     """[bands] Weighted means over neighbouring bands: where a band has no impacts, those of the nearest that have."""
     out = np.zeros(_BANDS)
@@ -298,6 +319,7 @@ def _with(
     densities: Mapping[State, Array | None],
     reference: float,
     over: Mapping[str, Effect],
+    all_samples: bool = False,
 ) -> Chain:
     """The effects with these paths (log power) and backgrounds (power density) of the states added.
 
@@ -307,7 +329,9 @@ def _with(
     chain = list(kept)
     if paths:
         gains = {state: np.clip(path / _NEPERS_PER_DB, -80.0, 80.0).round(3) for state, path in paths.items()}
-        own = {s: TransferPath(frequencies_hz=places, gains_db=tuple(g)) for s, g in gains.items()}
+        own = {
+            s: TransferPath(all_samples=all_samples, frequencies_hz=places, gains_db=tuple(g)) for s, g in gains.items()
+        }
         chain.append(_stated(own, over.get(PATH)))
     known = {state: density for state, density in densities.items() if density is not None}
     if known:

@@ -1,6 +1,7 @@
 """Effects that are measured from spectra, named where held-out records are closer to the twin with them.
 
 verdict's twin --path, lines, background measured one after the other--> closer to held-out records? --> Explanation
+a path that whole waveforms pass --> effects that stand in for it leave
 
 No detector is trained for them, since they hold lists. A spectrum can always be matched: one is named only where it
 closes a part of the gap that the error of calibrated values does not reach.
@@ -13,15 +14,25 @@ from typing import Final
 
 import numpy as np
 
+from twingap.effects.registry import look_alikes
 from twingap.gap.distance.feature_vectors import FeatureVectors
 from twingap.gap.distance.grid import Grid
 from twingap.gap.distance.paired import Paired
 from twingap.gap.search import unlearnt
 from twingap.gap.search.effect_search import Estimated, Explanation
 from twingap.gap.search.evidence import Compared, Evidence, replicates_of
-from twingap.gap.search.free_spectra import BACKGROUND, LINES, PATH, by_fault_or_all, measured
+from twingap.gap.search.free_spectra import (
+    BACKGROUND,
+    LINES,
+    PATH,
+    Chain,
+    by_fault_or_all,
+    measured,
+    passed_by_all_samples,
+)
 from twingap.gap.search.optimise import validation_distance
 from twingap.gap.search.sign_flips import p_of_gain
+from twingap.twins.simulator import Simulator
 
 ASKED: Final = (PATH, LINES, BACKGROUND)
 """In this order: what the path explains is no background."""
@@ -70,27 +81,58 @@ def with_measured(evidence: Evidence, found: Explanation) -> Explanation:
     if whole < _CLEAR * before.floor(np.random.default_rng(evidence.root))[0]:
         return found
     now, here = found.after, before if found.after.effects == () else Paired(real, made(found.after), before.scale)
-    named: list[Estimated] = []
     tested: dict[str, float] = {}
     for name in names:
-        one = measured(evidence, now.simulator, now.effects, (name,), by=by_fault_or_all(evidence))
-        if one is None:
-            continue
         # Asked of the fit part: names must not be chosen by the closure that is reported.
-        nearer = validation_distance(evidence, *one)
+        ways = [(validation_distance(evidence, *one), one) for one in _measured(evidence, now, name)]
+        if not ways:
+            continue
+        nearer, one = min(ways, key=lambda way: way[0])
         if left - nearer < LEAST * bare:
             continue
+        nearer, one = _without_surrogates(evidence, nearer, one, LEAST * bare)
         compared = Compared(evidence, one[1], one[0])
         there = Paired(real, made(compared), before.scale)
         if (p := p_of_gain(here, there, evidence.root)) <= LEVEL:
             now, here, left = compared, there, nearer
             tested[name] = p
-            named.append(Estimated(next(effect for effect in one[1] if effect.name == name), {}))
-    if not named:
+    if not tested:
         return found
-    sure = tuple(one.effect.name for one in named)
-    probability = {name: unlearnt.probability(tested[name]) for name in sure}
+    chain = {effect.name: effect for effect in now.effects}
+    gone = {effect.name for effect in found.after.effects} - chain.keys()
+    probability = {name: unlearnt.probability(p) for name, p in tested.items()}
+    sets = ((*(n for n in names_of if n not in gone), *tested) for names_of in found.confidence_set)
     return replace(
-        found, effects=(*found.effects, *named), after=now, probability={**found.probability, **probability},
-        confidence_set=tuple((*names_of, *sure) for names_of in found.confidence_set),
+        found, effects=(*(one for one in found.effects if one.effect.name not in gone),
+                        *(Estimated(chain[name], {}) for name in tested)),
+        after=now, probability={**found.probability, **dict.fromkeys(gone, 0.0), **probability},
+        confidence_set=tuple(dict.fromkeys(sets)),
     )  # fmt: skip
+
+
+def _measured(evidence: Evidence, now: Compared, name: str) -> list[tuple[Simulator, Chain]]:
+    """The twin with an effect as measured: with a path of impacts and, for finished waveforms, one of all samples."""
+    own = evidence.against().simulator.makes_waveforms and name == PATH
+    ways = [measured(evidence, now.simulator, now.effects, (name,), by=by_fault_or_all(evidence))]
+    ways += [measured(evidence, now.simulator, now.effects, (name,), all_samples=True)] if own else []
+    return [one for one in ways if one is not None]
+
+
+def _without_surrogates(
+    evidence: Evidence, distance: float, twin: tuple[Simulator, Chain], least: float
+) -> tuple[float, tuple[Simulator, Chain]]:
+    """The twin without effects that stand in for its path, where that filters whole waveforms, and its distance.
+
+    One that closes `least` beside the path stays.
+    """
+    path = next((effect for effect in twin[1] if effect.name == PATH), None)
+    if path is None or not passed_by_all_samples(path):
+        return distance, twin
+    for effect in twin[1]:
+        if effect.name not in look_alikes(PATH):
+            continue
+        rest = tuple(other for other in twin[1] if other.name != effect.name)
+        again = measured(evidence, twin[0], rest, (PATH,))
+        if again is not None and (other := validation_distance(evidence, *again)) < distance + least:
+            distance, twin = other, again
+    return distance, twin
