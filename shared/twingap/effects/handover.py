@@ -1,4 +1,4 @@
-"""Transfer of a user's own effects, and files of twin models, to worker processes and clusters, and a digest that detects edits.
+"""Transfer of a user's own effects and twin models to worker processes and clusters, and a digest that detects edits.
 
 A task takes `HandedEffects` as its first argument. Where that is unpickled, the effects of its sender are registered
 before any later argument is read: those of a file from the file's text, those registered in Python by value. A worker

@@ -1,8 +1,8 @@
 """Registry of effects: those that ship with twingap, and a user's own.
 
 A user's own effects come from three places: `register` in Python, a file (`load_effects`; ``--effects FILE.py`` on the
-command line), and installed packages that name a module in the entry point group ``twingap.effects``. Files and packages
-may also register twin models, such as functions (`twins.register_callable`).
+command line), and installed packages that name a module in the entry point group ``twingap.effects``. Files and
+packages may also register twin models, such as functions (`twins.register_callable`).
 """
 
 from __future__ import annotations

@@ -86,7 +86,8 @@ def test_a_file_registers_a_simulator(typed: Run, tmp_path: Path, monkeypatch: p
     monkeypatch.setattr(twin_file, "OWN_MODELS", registry.OWN_MODELS)
     own, twin, asked = (tmp_path / name for name in ("mine.py", "closest.toml", "asked.csv"))
     twin.write_text(
-        '[twin]\nmodel = "tones"\neffects = ["clipping"]\n[parameters]\nscale = 2.0\n[parameters.clipping]\nrail = 0.5\n'
+        '[twin]\nmodel = "tones"\neffects = ["clipping"]\n[parameters]\nscale = 2.0\n'
+        "[parameters.clipping]\nrail = 0.5\n"
         '[bearing]\nname = "6205"\nn_rollers = 9\nroller_diameter_mm = 7.94\npitch_diameter_mm = 39.04\n'
     )
     asked.write_text("record,speed_rpm,fs_hz,n_samples,fault\na,1500,12000,600,outer\n")

@@ -16,6 +16,7 @@ from hypothesis import strategies as st
 from twingap.bearing import BEARINGS, Bearing
 from twingap.config import to_toml
 from twingap.effects import catalogue, make_effect
+from twingap.effects.registry import OWN_MODELS
 from twingap.errors import TwingapError
 from twingap.records import Condition
 from twingap.twins.contact_parameters import PRESETS
