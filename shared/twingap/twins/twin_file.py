@@ -327,7 +327,8 @@ def model_of(spec: TwinSpec) -> Model:
         When no model of that name is registered.
     """
     _load_built_in_models()
-    if spec.model not in (known := {**MODELS, **OWN_MODELS}):
+    known: dict[str, Model] = {**MODELS, **OWN_MODELS}
+    if spec.model not in known:
         catalogue()  # installed packages may bring models
         known.update(OWN_MODELS)
     if spec.model not in known:
