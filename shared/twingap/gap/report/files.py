@@ -148,7 +148,7 @@ def _read(kind: Any, value: Any) -> Any:
     if dataclasses.is_dataclass(kind):
         kinds = typing.get_type_hints(kind)
         known = [field.name for field in dataclasses.fields(kind) if field.name in value]
-        return kind(**{name: _read(kinds[name], value[name]) for name in known})  # type: ignore[operator]
+        return typing.cast(type, kind)(**{name: _read(kinds[name], value[name]) for name in known})
     if origin in (typing.Union, types.UnionType):
         return _read(of[0], value)
     if origin is tuple:
