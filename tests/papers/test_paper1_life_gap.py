@@ -24,6 +24,8 @@ from twingap.errors import TwingapError
 
 records, root, config, case = test_paper1.records, test_paper1.root, test_paper1.config, test_paper1.case
 
+pytestmark = pytest.mark.usefixtures("few_trials")
+
 HUM = Added((("mains_interference", (("level", 1.0),)),), 0.3)
 
 

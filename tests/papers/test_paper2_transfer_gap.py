@@ -10,6 +10,7 @@ import pandas as pd
 import pytest
 
 from papers.__main__ import main
+from papers.extra.transfer_gap import study
 from papers.extra.transfer_gap.jobs import KINDS, Kind, Population, machine_of, simulate
 from papers.extra.transfer_gap.study import STUDY
 from papers.extra.transfer_gap.tables import means
@@ -91,6 +92,12 @@ def test_a_run_without_records_says_so(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.delenv("TWINGAP_DATA", raising=False)
+    config, text = tmp_path / "config.toml", STUDY.config.read_text(encoding="utf-8")
+    for name, least in {"machines = 12": "machines = 4", "steps = 40": "steps = 4", "_s = 4.0": "_s = 2.0"}.items():
+        assert text.count(name) == 1
+        text = text.replace(name, least)
+    config.write_text(text, encoding="utf-8")
+    monkeypatch.setattr(study, "STUDY", dataclasses.replace(STUDY, config=config))
     main(["extra.transfer_gap", "--out", str(tmp_path), "--backend", "sequential", "--no-track"])
     assert "virtual rig" in capsys.readouterr().out
     table = pd.read_csv(tmp_path / "tables" / "transfer-gap.csv")

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import json
 import re
+from functools import partial
 from pathlib import Path
 
 import pytest
 
 from tests.twingap.cli.typed import Run, refused
+from twingap import gap
 from twingap.cli.demo import DRAWN_FROM
 from twingap.effects import registry
 from twingap.records.folder import read_record_set
@@ -19,7 +21,11 @@ def test_effects_to_draw_from_are_in_the_catalogue() -> None:
 
 
 @pytest.mark.slow
-def test_the_first_demonstration_names_what_is_hidden(typed: Run, tmp_path: Path) -> None:
+def test_the_first_demonstration_names_what_is_hidden(
+    typed: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Without the closest twin, which takes most of the time."""
+    monkeypatch.setattr(gap, "diagnose", partial(gap.diagnose, quick=True))
     out = tmp_path / "demo"
     said = typed("demo", "--out", out)
     assert said.status == 0

@@ -114,6 +114,7 @@ def test_what_cannot_be_read_or_written_is_told_before_any_work(
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("few_trials")
 def test_a_diagnosis_is_written_printed_exported_and_the_same_again(
     typed_gap: Run, records: Path, twin: Path, tmp_path: Path
 ) -> None:
@@ -151,6 +152,7 @@ def test_a_diagnosis_is_written_printed_exported_and_the_same_again(
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("few_trials")
 def test_the_closest_twin_is_a_file_that_simulates(typed: Run, records: Path, twin: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"
     said = typed("gap", records, "--twin", twin, "--out", out, "--export", "--no-track")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import re
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -122,7 +123,9 @@ rig_duration_s = 0.6
 
 
 @pytest.mark.slow
-def test_a_papers_configuration_may_name_it(typed: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_papers_configuration_may_name_it(
+    typed: Run, tmp_path: Path, new_database: Callable[[Path], str], monkeypatch: pytest.MonkeyPatch
+) -> None:
     own, config = tmp_path / "my_effects.py", tmp_path / "config.toml"
     own.write_text(FILE, encoding="utf-8")
     text = STUDY.config.read_text(encoding="utf-8").replace('["slip_jitter"]', '["slip_jitter", "soft_knee"]')
@@ -136,7 +139,7 @@ def test_a_papers_configuration_may_name_it(typed: Run, tmp_path: Path, monkeypa
 
     monkeypatch.delenv("TWINGAP_DATA", raising=False)
     monkeypatch.setattr(reproduce, "run", tiny)
-    store = f"sqlite:///{tmp_path / 'runs.db'}"
+    store = new_database(tmp_path / "runs.db")
     command = ("run", "paper3", "--out", tmp_path / "out", "--tracking-uri", store, "--json")
     refused(typed(*command), "'soft_knee' found", "source.effects")
     said = typed(*command, "--effects", own)  # trainings simulate in worker processes

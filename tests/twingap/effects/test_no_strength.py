@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable, Sequence
 
 import numpy as np
@@ -70,15 +71,24 @@ NO_PLACE = {
 """Refused, or the twin's own."""
 
 
+def condition(fault: str) -> Condition:
+    return Condition("a", 1700.0, 12000.0, 1500, fault, time_s=100.0)
+
+
+@functools.cache
+def without(make: Callable[[Sequence[Effect], Condition], Array], fault: str) -> Array:
+    """The record without any effect, simulated once for all."""
+    return make([], condition(fault))
+
+
 @pytest.mark.parametrize("make", [phenomenological, contact, waveform])
 @pytest.mark.parametrize("name", sorted(NONE))
 def test_no_strength_is_no_change(name: str, make: Callable[[Sequence[Effect], Condition], Array]) -> None:
     if (make, name) in NO_PLACE:
         return
     for fault in ("healthy", "inner", "ball"):
-        condition = Condition("a", 1700.0, 12000.0, 1500, fault, time_s=100.0)
-        with_it = make([make_effect(name, NONE[name])], condition)
-        np.testing.assert_allclose(with_it, make([], condition), atol=1e-8)
+        with_it = make([make_effect(name, NONE[name])], condition(fault))
+        np.testing.assert_allclose(with_it, without(make, fault), atol=1e-8)
 
 
 def test_every_effect_was_tried() -> None:

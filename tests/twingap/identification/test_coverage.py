@@ -58,11 +58,12 @@ def coverage(scenario: str, sets: int) -> dict[str, float]:
 
 @pytest.mark.slow
 def test_intervals_keep_their_level() -> None:
-    """90 % intervals over 100 sets: three standard errors of 0.03 on either side."""
-    shares = coverage("five healthy, three inner", 100)
+    """90 % intervals over 60 sets: three standard errors of 0.04 below, and not too wide all together."""
+    shares = coverage("five healthy, three inner", 60)
     assert len(shares) == 6
     for name, share in shares.items():
-        assert 0.80 <= share <= 0.98, name
+        assert share >= 0.78, name
+    assert np.mean(list(shares.values())) <= 0.97
 
 
 if __name__ == "__main__":

@@ -172,15 +172,15 @@ def test_remaining_life_of_a_known_curve() -> None:
 
 
 def test_intervals_hold_about_as_often_as_stated() -> None:
-    """Right model, noise with memory: 90 % stated, 120 runs; the study counts more of them."""
+    """Right model, noise with memory: 90 % stated, 60 runs; the study counts more of them."""
     rng = np.random.default_rng(7)
     rows, inside = rows_until(T, 0.8), 0
     curve = TRUE["combined power 3"][2]
-    for _ in range(120):
+    for _ in range(60):
         y = noisy(curve, 0.1, 0.5, rng)
         life = remaining_life(redrawn(fit_curve(MODELS["combined power 3"], T[:rows], y[:rows]), 100, rng), 5.0)
         inside += life.low_s <= T[-1] - T[rows - 1] <= life.high_s
-    assert 0.8 <= inside / 120 <= 0.98
+    assert 0.78 <= inside / 60 <= 0.99
 
 
 def test_bands_hold_the_curve_and_the_records() -> None:

@@ -10,6 +10,8 @@ from twingap.rigs.worlds.plan import cases
 from twingap.study import closure_coverage
 from twingap.study.closure_coverage import Checked, check
 
+pytestmark = pytest.mark.usefixtures("few_trials")
+
 SEED = 78
 
 

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from twingap.bearing import BEARINGS
+from twingap.data import load
 from twingap.effects import make_effect
 from twingap.errors import TwingapError
 from twingap.gap.report.model import (
@@ -27,6 +28,7 @@ from twingap.gap.report.model import (
     Verdict,
 )
 from twingap.records import Condition, Record, RecordSet
+from twingap.rigs import make_rig
 from twingap.study import public, public_indicators, public_jobs, public_report, public_sets
 from twingap.study.public_jobs import PublicJob
 from twingap.study.tracking import track_public
@@ -393,7 +395,18 @@ def test_what_is_documented_names_recordings_of_the_fault_it_speaks_of() -> None
             assert {c.extra["fault_size_inch"] for c in own} == {0.014}
 
 
+@pytest.fixture
+def short_rig(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Recordings of two seconds from the virtual rig."""
+
+    def loaded(name: str, root: str | None = None) -> RecordSet:
+        return make_rig(name, duration_s=2.0).records(0) if name == "virtual_cwru" else load(name, root)
+
+    monkeypatch.setattr(public_sets, "load", loaded)
+
+
 @pytest.mark.slow
+@pytest.mark.usefixtures("short_rig")
 def test_what_was_answered_is_taken_from_the_folder(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     """On the virtual rig: halves of the same records, diagnosed once."""
     monkeypatch.delenv("TWINGAP_DATA", raising=False)
@@ -433,6 +446,7 @@ def test_what_cannot_be_computed_or_written_is_refused_before_the_work(
     assert not (tmp_path / "home").exists()
 
 
+@pytest.mark.usefixtures("short_rig")
 def test_nothing_stands_in_for_records_that_cannot_be_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "cwru").mkdir()
     (tmp_path / "cwru" / "97.mat").write_bytes(b"cut short")

@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
-import textwrap
 import threading
 from dataclasses import dataclass
 from pathlib import Path
@@ -143,19 +142,37 @@ if "work" in sys.argv:
 """
 
 
-def notebook(*words: str, **parts: Any) -> list[str]:
-    """What a main module without a file prints, as a notebook is one."""
-    text = NOTEBOOK.format(**{"strength": 1, "helper": 2, "default": 0.5, "here": str(HERE)} | parts)
-    command = [sys.executable, "-c", textwrap.dedent(text), *words]
-    return subprocess.run(command, capture_output=True, text=True, check=True).stdout.split("\n")
+FORKED = """
+import os, sys, twingap.effects.handover
+for text in sys.argv[1:]:
+    if not os.fork():
+        exec(text)
+        sys.stdout.flush()
+        os._exit(0)
+    assert os.wait()[1] == 0
+"""
+"""Runs each text in a process of its own, as a cell of a notebook."""
 
 
+def notebook(**parts: Any) -> str:
+    """A main module without a file, as a notebook is one."""
+    return NOTEBOOK.format(**{"strength": 1, "helper": 2, "default": 0.5, "here": str(HERE)} | parts)
+
+
+def printed(*words: str) -> list[str]:
+    """Lines that Python prints."""
+    return subprocess.run([sys.executable, "-c", *words], capture_output=True, text=True, check=True).stdout.split("\n")
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="processes cannot be forked here")
 def test_notebook_effects_reach_workers_and_tell_their_edits() -> None:
-    first, levels, *_ = notebook("work")
+    first, levels, *_ = printed(notebook(), "work")
     assert levels == "[0.5, 0.5, 0.5]"
-    digests = [first, *(notebook(**{part: 0.125})[0] for part in ("strength", "helper", "default"))]
-    assert len(set(digests)) == 4
-    assert notebook()[0] == first, "the same in every process"
+    again, *edited = printed(
+        FORKED, notebook(), *(notebook(**{part: 0.125}) for part in ("strength", "helper", "default"))
+    )
+    assert again == first, "the same in every process"
+    assert len({first, *edited[:3]}) == 4
 
 
 def test_no_own_effects_no_digest() -> None:

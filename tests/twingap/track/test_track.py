@@ -10,6 +10,7 @@ import socket
 import sqlite3
 import subprocess
 import sys
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -32,6 +33,7 @@ from twingap.track.tidy import clean_file, clean_name, flat_table
 
 matplotlib.use("Agg")
 SWEEP_JOBS = Path(__file__).parents[1] / "sweep"
+NewDatabase = Callable[[Path], str]
 TABLE = pd.DataFrame({"task": ["0→2", "2→0"], "mean": [0.8125, math.nan]})
 
 
@@ -147,8 +149,10 @@ def test_folders_keep_everything(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("error", "status"), [(ValueError, "FAILED"), (KeyboardInterrupt, "KILLED")])
-def test_a_run_says_how_it_ended(tmp_path: Path, error: type[BaseException], status: str) -> None:
-    tracker = MlflowTracker(f"sqlite:///{tmp_path / 'mlflow.db'}", "ends")
+def test_a_run_says_how_it_ended(
+    tmp_path: Path, new_database: NewDatabase, error: type[BaseException], status: str
+) -> None:
+    tracker = MlflowTracker(new_database(tmp_path / "mlflow.db"), "ends")
     with pytest.raises(error), tracker.run("outer") as run, run.run("inner"):
         raise error
     with sqlite3.connect(tmp_path / "mlflow.db") as database:
@@ -174,11 +178,13 @@ def test_what_ended_a_run_goes_on_where_the_run_cannot_be_ended(
     assert tried[0] == ended and len(tried) == 2
 
 
-def test_parallel_work_logs_through_the_parent(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_parallel_work_logs_through_the_parent(
+    tmp_path: Path, new_database: NewDatabase, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.syspath_prepend(str(SWEEP_JOBS))
     import sweep_jobs
 
-    tracker = MlflowTracker(f"sqlite:///{tmp_path / 'mlflow.db'}", "sweep")
+    tracker = MlflowTracker(new_database(tmp_path / "mlflow.db"), "sweep")
     with tracker.run("sweep") as run:
 
         def log(result: Any) -> None:
@@ -228,9 +234,9 @@ def test_stores_that_cannot_be_used_say_so_in_one_line(tmp_path: Path) -> None:
         assert expected in str(caught.value) and "\n" not in str(caught.value)
 
 
-def test_a_store_of_a_newer_mlflow_says_what_helps(tmp_path: Path) -> None:
+def test_a_store_of_a_newer_mlflow_says_what_helps(tmp_path: Path, new_database: NewDatabase) -> None:
     path = tmp_path / "mlflow.db"
-    MlflowTracker(f"sqlite:///{path}")
+    MlflowTracker(new_database(path))
     with sqlite3.connect(path) as database:
         database.execute("UPDATE alembic_version SET version_num = 'ffffffffffff'")
     for use in (lambda: MlflowTracker(f"sqlite:///{path}"), lambda: runs_in(path)):
@@ -238,10 +244,10 @@ def test_a_store_of_a_newer_mlflow_says_what_helps(tmp_path: Path) -> None:
             use()
 
 
-def test_a_locked_store_says_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_locked_store_says_so(tmp_path: Path, new_database: NewDatabase, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("twingap.track.database.PATIENCE_S", 0.1)
     path = tmp_path / "mlflow.db"
-    MlflowTracker(f"sqlite:///{path}")
+    MlflowTracker(new_database(path))
     with contextlib.closing(sqlite3.connect(path, isolation_level=None)) as other:
         other.execute("BEGIN EXCLUSIVE")
         for use in (lambda: MlflowTracker(f"sqlite:///{path}"), lambda: runs_in(path)):
@@ -249,10 +255,10 @@ def test_a_locked_store_says_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
                 use()
 
 
-def test_a_deleted_experiment_says_how_to_bring_it_back(tmp_path: Path) -> None:
+def test_a_deleted_experiment_says_how_to_bring_it_back(tmp_path: Path, new_database: NewDatabase) -> None:
     import mlflow
 
-    uri = f"sqlite:///{tmp_path / 'mlflow.db'}"
+    uri = new_database(tmp_path / "mlflow.db")
     MlflowTracker(uri, "gone")
     client = mlflow.MlflowClient(uri)
     client.delete_experiment(client.get_experiment_by_name("gone").experiment_id)

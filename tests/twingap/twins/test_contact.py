@@ -258,7 +258,7 @@ def envelope_line(twin: ContactTwin, x: Array, fs: float, expected_hz: float, re
     return best, float(spectrum[best] / np.median(spectrum[lo : hi + 1]))
 
 
-@pytest.mark.parametrize("name", sorted(BEARINGS))
+@pytest.mark.parametrize("name", ["6205", "ZA-2115"])  # with and without a contact angle; each count compiles a kernel
 def test_envelope_peaks_at_the_kinematic_orders(name: str) -> None:
     bearing, hz = BEARINGS[name], 30.0
     twin = ContactTwin(bearing)

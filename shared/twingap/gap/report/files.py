@@ -8,31 +8,19 @@ GapReport --write_report--> DIR/gap.json, DIR/report.html
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import math
 import os
+import types
+import typing
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from twingap.errors import TwingapError
 from twingap.files import replacing
-from twingap.gap.report.model import (
-    Candidate,
-    Ceiling,
-    ClosestEffect,
-    ClosestTwin,
-    Curve,
-    EffectShare,
-    GapReport,
-    GroupName,
-    GroupShare,
-    Metric,
-    ParameterValue,
-    Place,
-    TwoSampleTest,
-    Verdict,
-)
+from twingap.gap.report.model import GapReport, Place
 from twingap.gap.report.page import page
 from twingap.gap.report.schema import problems, version
 from twingap.provenance import plain
@@ -117,19 +105,8 @@ def read_report(path: str | os.PathLike[str]) -> GapReport:
 
 def from_json(table: Mapping[str, Any]) -> GapReport:
     """Report from the content of a gap.json that conforms to the schema; unknown keys are ignored."""
-    return GapReport(
-        verdict=_made(Verdict, table["verdict"], groups=tuple(_made(GroupName, g) for g in table["verdict"]["groups"])),
-        places=tuple(_made(Place, p) for p in table["where"]),
-        candidates=tuple(_made(Candidate, c, parameters=_values(c.get("parameters"))) for c in table["which"]),
-        metrics=tuple(_made(Metric, m) for m in table["shrink"]["metrics"]),
-        provenance=table["provenance"],
-        notes=tuple(table.get("notes", ())),
-        calibration=_values(table.get("calibration")),
-        rest=tuple(_made(Place, p) for p in table.get("rest", ())),
-        tests=tuple(_made(TwoSampleTest, t) for t in table.get("tests", ())),
-        curves={name: _made(Curve, c) for name, c in table.get("curves", {}).items()},
-        closest=_closest(table["closest"]),
-    )
+    named = {"places": table["where"], "candidates": table["which"], "metrics": table["shrink"]["metrics"]}
+    return _read(GapReport, {**table, **named})  # type: ignore[no-any-return]
 
 
 def dumped(table: Mapping[str, Any]) -> str:
@@ -163,22 +140,20 @@ def _nulls(value: Any) -> Any:
     return value
 
 
-def _values(table: Mapping[str, Any] | None) -> dict[str, ParameterValue]:
-    return {name: _made(ParameterValue, value) for name, value in (table or {}).items()}
-
-
-def _closest(table: Mapping[str, Any]) -> ClosestTwin:
-    shares = (
-        _made(GroupShare, share, effects=tuple(_made(EffectShare, effect) for effect in share["effects"]))
-        for share in table["attribution"]
-    )
-    effects = (_made(ClosestEffect, e, parameters=_values(e.get("parameters"))) for e in table["effects"])
-    return _made(  # type: ignore[no-any-return]
-        ClosestTwin, table, effects=tuple(effects), attribution=tuple(shares), ceiling=_made(Ceiling, table["ceiling"]),
-        metrics=tuple(_made(Metric, m) for m in table.get("metrics", ())),
-    )  # fmt: skip
-
-
-def _made(kind: type[Any], table: Mapping[str, Any], **given: Any) -> Any:
-    known = {name: table[name] for name in kind.__dataclass_fields__ if name in table}
-    return kind(**{**known, **given})
+def _read(kind: Any, value: Any) -> Any:
+    """Parsed JSON as a value of this type: a dataclass, a tuple or a mapping of such, or what JSON itself has."""
+    origin, of = typing.get_origin(kind), typing.get_args(kind)
+    if value is None:
+        return None
+    if dataclasses.is_dataclass(kind):
+        kinds = typing.get_type_hints(kind)
+        known = [field.name for field in dataclasses.fields(kind) if field.name in value]
+        return typing.cast(type, kind)(**{name: _read(kinds[name], value[name]) for name in known})
+    if origin in (typing.Union, types.UnionType):
+        return _read(of[0], value)
+    if origin is tuple:
+        each = of if of[-1] is not Ellipsis else of[:1] * len(value)
+        return tuple(_read(one, item) for one, item in zip(each, value, strict=True))
+    if origin is Mapping:
+        return {name: _read(of[1], item) for name, item in value.items()}
+    return value

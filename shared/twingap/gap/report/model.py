@@ -52,9 +52,6 @@ class GroupName:
     effects: tuple[str, ...]
     probability: float
 
-    def __post_init__(self) -> None:
-        _set(self, effects=tuple(self.effects))
-
 
 @dataclass(frozen=True)
 class Verdict:
@@ -86,10 +83,6 @@ class Verdict:
     closure_ci: Interval | None = None
     p_floor: float = 0.0
     groups: tuple[GroupName, ...] = ()
-
-    def __post_init__(self) -> None:
-        _set(self, effects=tuple(self.effects), groups=tuple(self.groups), closure_ci=_pair(self.closure_ci))
-        _set(self, confidence_set=tuple(tuple(effects) for effects in self.confidence_set))
 
     @property
     def p_words(self) -> str:
@@ -171,9 +164,6 @@ class ParameterValue:
     unit: str = ""
     ci: Interval | None = None
 
-    def __post_init__(self) -> None:
-        _set(self, ci=_pair(self.ci))
-
 
 @dataclass(frozen=True)
 class Candidate:
@@ -208,9 +198,6 @@ class Candidate:
     acts: str | None = None
     fitted_with: tuple[str, ...] = ()
 
-    def __post_init__(self) -> None:
-        _set(self, closure_ci=_pair(self.closure_ci), fitted_with=tuple(self.fitted_with))
-
 
 @dataclass(frozen=True)
 class Metric:
@@ -239,9 +226,6 @@ class Metric:
     ci_before: Interval | None = None
     unit: str = ""
     higher_is_better: bool = False
-
-    def __post_init__(self) -> None:
-        _set(self, ci_after=_pair(self.ci_after), ci_before=_pair(self.ci_before))
 
     @property
     def worse(self) -> bool:
@@ -301,9 +285,6 @@ class GroupShare:
     p_value: float
     shown: bool = True
 
-    def __post_init__(self) -> None:
-        _set(self, effects=tuple(self.effects), share_ci=_pair(self.share_ci))
-
 
 @dataclass(frozen=True)
 class Ceiling:
@@ -346,12 +327,6 @@ class ClosestTwin:
     ceiling: Ceiling = field(default_factory=Ceiling)
     twin: str = ""
     metrics: tuple[Metric, ...] = ()
-
-    def __post_init__(self) -> None:
-        _set(
-            self, effects=tuple(self.effects), closure_ci=_pair(self.closure_ci), attribution=tuple(self.attribution),
-            metrics=tuple(self.metrics),
-        )  # fmt: skip
 
     @property
     def sentence(self) -> str:
@@ -485,9 +460,6 @@ class GapReport:
             places=_by_share(self.places),
             rest=_by_share(self.rest),
             candidates=tuple(sorted(self.candidates, key=lambda c: -c.probability)),
-            metrics=tuple(self.metrics),
-            notes=tuple(self.notes),
-            tests=tuple(self.tests),
         )
 
     @property
@@ -582,13 +554,6 @@ def _frame(rows: Iterable[Mapping[str, Any]], columns: tuple[str, ...]) -> pd.Da
     import pandas as pd
 
     return pd.DataFrame(list(rows), columns=list(columns))
-
-
-def _pair(value: Any) -> Interval | None:
-    if value is None:
-        return None
-    lo, hi = value
-    return float(lo), float(hi)
 
 
 def _numbers(values: Iterable[float | None]) -> Numbers:

@@ -80,7 +80,7 @@ def places_of(
 @pytest.mark.parametrize(("n", "m"), [(1, 40), (2, 20), (8, 3), (16, 1)])
 def test_family_wise_error_of_any_shape_of_noise(n: int, m: int, tails: bool) -> None:
     rng = np.random.default_rng(n)
-    conditions, worlds = conditions_of(n), 200
+    conditions, worlds = conditions_of(n), 100
     named = sum(bool(locate(Paired(*_world(conditions, m, rng, tails)), rng, draws=99).places) for _ in range(worlds))
     assert named <= binom.ppf(0.999, worlds, 0.05)
 
@@ -95,7 +95,7 @@ def _world(
 def test_family_wise_error_of_the_twin_against_itself() -> None:
     """Tiny records in all domains: dependent, discrete and skewed bins."""
     rng = np.random.default_rng(7)
-    conditions, worlds, m = conditions_of(4, 4000.0, 256), 200, 2
+    conditions, worlds, m = conditions_of(4, 4000.0, 256), 100, 2
     named = 0
     for _ in range(worlds):
         real, *sims = (simulate(conditions, rng, resonance_hz=1000.0) for _ in range(m + 1))

@@ -39,7 +39,7 @@ def pair_of(n: int, m: int, rng: np.random.Generator, shift: Array | float = 0.0
 @pytest.mark.parametrize(("n", "m"), [(1, 19), (2, 20), (8, 3), (12, 1)])
 def test_false_alarms_are_five_per_cent(n: int, m: int) -> None:
     rng = np.random.default_rng(n)
-    worlds = 200
+    worlds = 100
     p = np.array([[t.p_value for t in two_sample_tests(pair_of(n, m, rng), rng, 79)] for _ in range(worlds)])
     assert np.all((p <= 0.05).sum(axis=0) <= binom.ppf(0.999, worlds, 0.05))
 

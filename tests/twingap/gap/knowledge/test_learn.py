@@ -82,10 +82,13 @@ def test_too_few_machines_without_a_gap_are_an_error_that_says_so(examples):
         learn(few, ("a", "b"), (), names, lambda what, part: None)
 
 
-def test_the_null_is_of_machines_without_a_gap_and_p_values_are_even(examples):
-    learnt = learn(
-        examples, ("a", "b"), (("a", "size"),), tuple(f"context|records{k}" for k in range(60)), lambda what, part: None
-    )
+@pytest.fixture(scope="module")
+def learnt(examples):
+    names = tuple(f"context|records{k}" for k in range(60))
+    return learn(examples, ("a", "b"), (("a", "size"),), names, lambda what, part: None)
+
+
+def test_the_null_is_of_machines_without_a_gap_and_p_values_are_even(examples, learnt):
     nothing = ~examples.missing.any(axis=1) & examples.first
     of = learnt.null.machines
     assert len(of) == nothing.sum()
@@ -94,9 +97,7 @@ def test_the_null_is_of_machines_without_a_gap_and_p_values_are_even(examples):
     assert learnt.p_value(examples.features[np.flatnonzero(examples.missing.all(axis=1))[0]]) < 0.1
 
 
-def test_no_detector_is_asked_of_what_the_twin_has(examples):
-    names = tuple(f"context|records{k}" for k in range(60))
-    learnt = learn(examples, ("a", "b"), (), names, lambda what, part: None)
+def test_no_detector_is_asked_of_what_the_twin_has(examples, learnt):
     only_a = examples.missing[:, 0] & ~examples.missing[:, 1] & (examples.features[:, 3] > 1.5)
     x = examples.features[np.flatnonzero(only_a)[0]]
     assert learnt.p_value(x) < 0.05

@@ -230,11 +230,11 @@ def test_curves_whose_lines_differ_in_length_are_refused() -> None:
         Curve((1.0, 2.0), "Hz", (1.0, 2.0, 3.0), (1.0, 2.0), None, "", "c", "frequency")
 
 
-def test_numpy_numbers_and_arrays_are_taken() -> None:
+def test_numpy_numbers_and_curves_of_arrays_are_taken() -> None:
     curve = Curve(np.arange(3), "Hz", np.ones(3), np.array([1, np.inf, np.nan]), None, "", "c", "frequency")  # type: ignore[arg-type]
     report = GapReport(
         Verdict("no_gap", (), ((),), np.float64(0.5)), (), (),
-        (Metric("m", np.float64(1), np.float32(0.5), 0, np.array([0.25, 0.75])),),  # type: ignore[arg-type]
+        (Metric("m", np.float64(1), np.float32(0.5), 0, (np.float64(0.25), np.float64(0.75))),),  # type: ignore[arg-type]
         {"seed": np.int64(1), "version": "0", "records_sha256": "", "runtime_s": 0.1}, curves={"spectrum": curve},
     )  # fmt: skip
     table = json.loads(dumped(to_json(report)))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -14,7 +13,6 @@ from twingap.effects import Effect, catalogue, make_effect
 from twingap.gap import diagnose
 from twingap.gap.report.files import to_json
 from twingap.gap.report.schema import problems
-from twingap.gap.search import evidence as evidence_module
 from twingap.gap.search.closest_twin import closest_spec, closest_twin
 from twingap.gap.search.effect_search import Explanation
 from twingap.gap.search.evidence import Compared, Evidence, simulator_of
@@ -24,6 +22,8 @@ from twingap.records import Condition, RecordSet
 from twingap.twins.phenomenological import PhenomenologicalParameters, PhenomenologicalTwin
 from twingap.twins.simulator import TwinSimulator
 from twingap.twins.twin_file import TwinSpec, read_twin, write_twin
+
+pytestmark = pytest.mark.usefixtures("few_trials")
 
 LACKS = (
     make_effect("second_resonance", {"frequency_hz": 900.0, "damping_ratio": 0.04, "gain": 1.5}),
@@ -53,13 +53,6 @@ def found_in(records: RecordSet) -> tuple[Evidence, Explanation]:
     bare = optimise(evidence, evidence.against().simulator, (), {})
     now = Compared(evidence, (), bare.simulator)
     return evidence, Explanation(0.01, True, (), {}, ((),), 0.01, now, now, {"slip_jitter": "so says the test"})
-
-
-@pytest.fixture(scope="module", autouse=True)
-def few_trials() -> Iterator[None]:
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(evidence_module, "SAMPLES_TRIED", 6e6)
-        yield
 
 
 @pytest.fixture(scope="module")

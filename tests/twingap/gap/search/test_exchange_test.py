@@ -44,7 +44,7 @@ def test_the_p_value_holds_whatever_signatures_have_in_common() -> None:
     rng = np.random.default_rng(3)
     groups = np.repeat(np.array(list("abcdefghij")), 2)
     p = []
-    for _ in range(1500):
+    for _ in range(800):
         common = rng.standard_normal((10, 4)) @ rng.standard_normal((4, 30))
         heavy = np.repeat(rng.standard_t(2, (10, 30)) + common, 2, axis=0)  # of a group alike
         heavy[rng.random(heavy.shape) < 0.1] = np.nan
