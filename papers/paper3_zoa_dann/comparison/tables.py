@@ -16,13 +16,13 @@ import numpy as np
 import pandas as pd
 
 from papers.framework import Work
+from papers.intervals import intervals, std
 from papers.paper3_zoa_dann.comparison.jobs import Key, Options, TaskOutcome
 from papers.paper3_zoa_dann.comparison.trial import ALL, ANALYST, OWN, noise_words
 from papers.paper3_zoa_dann.inputs.options import Options as Common
 from papers.paper3_zoa_dann.inputs.options import read_options as read_common
-from papers.paper3_zoa_dann.inputs.tables import std
 from papers.paper3_zoa_dann.significance import holm, sign_flip
-from twingap.adapt import CRITERIA, t_interval
+from twingap.adapt import CRITERIA
 
 ORDER: Final = ("balanced", "imbalanced", "scarce")
 CLEAN: Final = noise_words(None)
@@ -113,14 +113,10 @@ def _place(column: pd.Series[Any], order: Sequence[str]) -> pd.Series[Any]:
     return column.map(lambda name: order.index(name) if name in order else len(order))
 
 
-def _summary(values: Iterable[float], levels: Sequence[float], name: str = "accuracy") -> dict[str, float]:
+def _summary(values: Iterable[float], levels: Sequence[float]) -> dict[str, float]:
     """Mean, standard deviation, and Student's intervals over seeds, cut at 0 and 1."""
     held = [float(v) for v in values]
-    row = {name: float(np.mean(held)), f"{name}_std": std(held)}
-    for level in levels:
-        low, high = t_interval(held, level)
-        row[f"low_{100 * level:.0f}"], row[f"high_{100 * level:.0f}"] = max(low, 0.0), min(high, 1.0)
-    return row
+    return {"accuracy": float(np.mean(held)), "accuracy_std": std(held), **intervals(held, levels, 0.0, 1.0)}
 
 
 def by_task(runs: pd.DataFrame, levels: Sequence[float]) -> pd.DataFrame:
@@ -243,10 +239,7 @@ def tests(runs: pd.DataFrame, options: Options, levels: Sequence[float]) -> pd.D
                     "won": int((difference > 0).sum()), "lost": int((difference < 0).sum()),
                     "p": sign_flip(difference.to_numpy()),
                 }  # fmt: skip
-                for level in levels:
-                    low, high = t_interval([100 * float(v) for v in seeds], level)
-                    row[f"lead_low_{100 * level:.0f}"], row[f"lead_high_{100 * level:.0f}"] = low, high
-                found.append(row)
+                found.append(row | intervals([100 * float(v) for v in seeds], levels, name="lead_"))
             for row, corrected in zip(found, holm([row["p"] for row in found]), strict=True):
                 rows.append({**row, "p_holm": corrected})
     return pd.DataFrame(rows)

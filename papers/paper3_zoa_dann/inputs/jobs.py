@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 
 from papers.logs import log_checkpoints, log_method
 from papers.paper3_zoa_dann.inputs.options import Options, Profile
-from papers.paper3_zoa_dann.job import Identification, Job, Measured, identify_twin, train_and_judge, windows_digest
+from papers.paper3_zoa_dann.job import Identification, Job, Measured, identified, train_and_judge, windows_digest
 from papers.paper3_zoa_dann.source import FREE, Recipe
 from papers.paper3_zoa_dann.tasks import Target, Task, load_target, make_tasks
 from papers.paper3_zoa_dann.yardsticks import analyst, majority
@@ -45,34 +45,17 @@ LABELS: Final = {"source_only": "Non-DA", "dann": "DANN"}
 
 @dataclass(frozen=True)
 class TaskResult:
-    """All that came out of one task.
-
-    Parameters
-    ----------
-    task : Task
-    measured : Measured
-    identified : Mapping[str, float]
-    recipe : Recipe
-    trainings : list[Result[Job]]
-        In the order input, method, seed.
-    majority : float
-        Accuracy of calling everything the most frequent class.
-    analyst : Scores
-        Of the analyst's rule on the same windows.
-    analyst_whole : Scores
-        Of the same rule on whole recordings.
-    analyst_calls, analyst_whole_calls : Array [windows, classes], [recordings, classes]
-        What that rule called each, one-hot.
-    """
+    """All that came out of one task."""
 
     task: Task
     measured: Measured
     identified: Mapping[str, float]
     recipe: Recipe
-    trainings: list[Result[Job]]
-    majority: float
-    analyst: Scores
-    analyst_whole: Scores
+    trainings: list[Result[Job]]  # in the order input, method, seed
+    majority: float  # accuracy of calling everything the most frequent class
+    analyst: Scores  # of the analyst's rule on the same windows
+    analyst_whole: Scores  # of the same rule on whole recordings
+    # analyst_calls, analyst_whole_calls: [windows, classes] what that rule called each, one-hot
     analyst_calls: NDArray[np.float64]
     analyst_whole_calls: NDArray[np.float64]
 
@@ -96,21 +79,16 @@ def results(work: Work) -> list[TaskResult]:
     bearing, found = records.bearing, []
     for task in make_tasks(size.tasks, records):
         own = _measured(task, options, size)
-        (identification,) = work.sweep(
-            identify_twin,
-            [Identification(
-                task.name, bearing, options.target.classes, options.source, options.identification, size.evaluations
-            )],
-            {"adapt": (own.adapt, windows_digest([own.adapt]))},
-            what=f"identifying the twin, {task.title}",
-            backend="sequential",
-        )  # fmt: skip
-        recipe = _recipe(identification.value, task, options, size, bearing, work.seed)
+        asked = Identification(
+            task.name, bearing, options.target.classes, options.source, options.identification, size.evaluations
+        )
+        parameters = identified(work, asked, own.adapt, task.title)
+        recipe = _recipe(parameters, task, options, size, bearing, work.seed)
         trainings = work.sweep(
             train_and_judge, _jobs(task, recipe, options, size, work.seed), {"measured": (own, own.digest)},
             lambda j: f"{j.task}, {j.view}, {j.method}, seed {j.seed}", f"training, {task.title}",
         )  # fmt: skip
-        found.append(_judged(task, own, identification.value, recipe, trainings, options, records))
+        found.append(_judged(task, own, parameters, recipe, trainings, options, records))
         _log_task(work.log, found[-1])
     return found
 
