@@ -129,16 +129,12 @@ def train_and_judge(job: Job, case: Case) -> dict[str, Any]:
     predicted = [trained.predict(shown, k) for k in range(len(trained.checkpoints))]
     result: dict[str, Any] = {
         "revolutions": predicted[place],
-        "criteria": {name: [rule(e) for e in evidence] for name, rule in CRITERIA.items()},
-        "chosen": chosen,
-        "place": place,
-        "rmse_min": [rmse(case.true_min, case.minutes(p)) for p in predicted],
-        "steps": [c.step for c in trained.checkpoints],
-        "loss": [c.loss for c in trained.checkpoints],
+        "criteria": {name: [rule(e) for e in evidence] for name, rule in CRITERIA.items()}, "chosen": chosen,
+        "place": place, "rmse_min": [rmse(case.true_min, case.minutes(p)) for p in predicted],
+        "steps": [c.step for c in trained.checkpoints], "loss": [c.loss for c in trained.checkpoints],
         "domain_accuracy": [None if np.isnan(c.domain_accuracy) else c.domain_accuracy for c in trained.checkpoints],
-        "simulated": len(simulate(job, case.known, case.digest)[0]),
-        "device": trained.device,
-    }
+        "simulated": len(simulate(job, case.known, case.digest)[0]), "device": trained.device,
+    }  # fmt: skip
     if job.embedded:
         result["embedding"] = embed(trained.embed(shown, place), job.seed)
     return result

@@ -102,21 +102,15 @@ def train_and_judge(job: Job, measured: Measured) -> dict[str, Any]:
     judged = [outputs(net, x_evaluate) for net in nets]
     scores = [score(o.probabilities, labels, measured.evaluate.group) for o in judged]
     result: dict[str, Any] = {
-        "criteria": criteria,
-        "chosen": chosen,
-        "place": place,
-        "accuracy": [s.accuracy for s in scores],
-        "balanced_accuracy": [s.balanced_accuracy for s in scores],
-        "confusion": scores[place].confusion,
-        "recordings_right": scores[place].recordings_right,
-        "recordings": scores[place].recordings,
+        "criteria": criteria, "chosen": chosen, "place": place, "accuracy": [s.accuracy for s in scores],
+        "balanced_accuracy": [s.balanced_accuracy for s in scores], "confusion": scores[place].confusion,
+        "recordings_right": scores[place].recordings_right, "recordings": scores[place].recordings,
         "probabilities": judged[place].probabilities.astype(np.float32),
         "source_accuracy": float(np.mean(evidence[place].source.predicted == held.labels)),
-        "steps": [c.step for c in trained.checkpoints],
-        "source_loss": [c.source_loss for c in trained.checkpoints],
+        "steps": [c.step for c in trained.checkpoints], "source_loss": [c.source_loss for c in trained.checkpoints],
         "domain_accuracy": [None if np.isnan(c.domain_accuracy) else c.domain_accuracy for c in trained.checkpoints],
         "device": trained.device,
-    }
+    }  # fmt: skip
     return result
 
 

@@ -214,15 +214,10 @@ def _virtual_bearing(recipe: Recipe, fault: str, rng: np.random.Generator) -> Vi
         _log_uniform(source.resonance_gain, rng),
     )
     own = dataclasses.replace(
-        preset,
-        stiffness=recipe.stiffness * float(spread[0]),
-        damping=recipe.damping * float(spread[1]),
-        mass_kg=preset.mass_kg * float(spread[2]),
-        load_n=load_n,
-        clearance_um=_uniform(source.clearance_um, rng),
-        defect_width_mm=width_mm,
-        defect_depth_um=dict.fromkeys(DEFECTS, depth_um),
-    )
+        preset, stiffness=recipe.stiffness * float(spread[0]), damping=recipe.damping * float(spread[1]),
+        mass_kg=preset.mass_kg * float(spread[2]), load_n=load_n, clearance_um=_uniform(source.clearance_um, rng),
+        defect_width_mm=width_mm, defect_depth_um=dict.fromkeys(DEFECTS, depth_um),
+    )  # fmt: skip
     return VirtualBearing(own, (resonance,), fault, snr_db, load_n)
 
 

@@ -155,13 +155,9 @@ def predict(job: Prediction, *, runs: dict[str, Measured]) -> dict[str, Any]:
     else:
         predicted, low, high = _by_growth(job, run, alone, prior)
     return {
-        "alarm": alone.alarm_row,
-        "onset": alone.onset_row,
-        "passed": passed,
-        "predicted": predicted,
-        "low": low,
+        "alarm": alone.alarm_row, "onset": alone.onset_row, "passed": passed, "predicted": predicted, "low": low,
         "high": high,
-    }
+    }  # fmt: skip
 
 
 def _by_growth(job: Prediction, run: Measured, alone: OnlineLife, prior: Prior) -> tuple[Array, Array, Array]:

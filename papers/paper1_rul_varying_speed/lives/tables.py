@@ -41,15 +41,11 @@ def all_tables(work: Work) -> dict[str, pd.DataFrame]:
     results, options, title = work["results"], work.options, work.title
     rows = errors(results, options, title)
     return {
-        "errors": pd.DataFrame(rows),
-        "table5": table5(rows, title),
-        "comparison": comparison(results, options, title),
-        "gap": gap(rows, title),
-        "runs": runs([r for r in results if r.variant == results[0].variant], title),
-        "network": network(results, options, title),
-        "selection": selection(results, title),
+        "errors": pd.DataFrame(rows), "table5": table5(rows, title), "comparison": comparison(results, options, title),
+        "gap": gap(rows, title), "runs": runs([r for r in results if r.variant == results[0].variant], title),
+        "network": network(results, options, title), "selection": selection(results, title),
         "predictions": predictions(results, title),
-    }
+    }  # fmt: skip
 
 
 def reaction(predicted_min: Array, speed_rpm: Array) -> float:

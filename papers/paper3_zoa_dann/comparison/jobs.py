@@ -303,13 +303,8 @@ def _log_trial(log: Run, found: Result[Trial]) -> None:
         curves = {name: number for name, number in row.items() if name != "step"}
         log.metrics({**curves, "accuracy at checkpoint": accuracy}, step=round(row["step"]))
     unseen = value["unseen"] or {}
-    log.metrics(
-        {
-            "accuracy": value["accuracy"],
-            "balanced accuracy": value["balanced_accuracy"],
-            "oracle accuracy": value["oracle_accuracy"],
-            "accuracy, unseen bearings": unseen.get("accuracy"),
-            "source accuracy at choice": value["source_accuracy"],
-            "seconds": found.seconds,
-        }
-    )
+    log.metrics({
+        "accuracy": value["accuracy"], "balanced accuracy": value["balanced_accuracy"],
+        "oracle accuracy": value["oracle_accuracy"], "accuracy, unseen bearings": unseen.get("accuracy"),
+        "source accuracy at choice": value["source_accuracy"], "seconds": found.seconds,
+    })  # fmt: skip

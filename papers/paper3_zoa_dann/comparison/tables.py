@@ -45,18 +45,13 @@ def tables_of(options: Options, common: Common, outcomes: Sequence[TaskOutcome])
     runs, levels = trials(outcomes), common.judging.levels
     means = family_means(runs, options, levels)
     return {
-        "comparison-trials": runs,
-        "comparison-tasks": tasks(outcomes),
-        "comparison-accuracy": by_task(runs, levels),
-        "comparison-mean": means,
-        "comparison-low-noise": at_noise(runs, options.low_noise_db, levels),
+        "comparison-trials": runs, "comparison-tasks": tasks(outcomes), "comparison-accuracy": by_task(runs, levels),
+        "comparison-mean": means, "comparison-low-noise": at_noise(runs, options.low_noise_db, levels),
         "comparison-high-noise": at_noise(runs, options.high_noise_db, levels),
-        "comparison-tests": tests(runs, options, levels),
-        "comparison-selection": selection(runs),
-        "comparison-published": published(means, options),
-        "comparison-confusion": confusion(outcomes, options),
+        "comparison-tests": tests(runs, options, levels), "comparison-selection": selection(runs),
+        "comparison-published": published(means, options), "comparison-confusion": confusion(outcomes, options),
         "comparison-identification": identified(outcomes),
-    }
+    }  # fmt: skip
 
 
 def trials(outcomes: Sequence[TaskOutcome]) -> pd.DataFrame:
@@ -66,45 +61,28 @@ def trials(outcomes: Sequence[TaskOutcome]) -> pd.DataFrame:
         for found in outcome.trials:
             job, value = found.job, found.value
             unseen = value["unseen"] or {}
-            rows.append(
-                {
-                    "data": outcome.data,
-                    "family": outcome.task.family,
-                    "task": job.task,
-                    "available": job.available,
-                    "unseen": np.nan if job.unseen is None else job.unseen,
-                    "main": (job.unseen is None) == outcome.task.same_bearings,
-                    "noise": noise_words(job.snr_db),
-                    "snr_db": np.inf if job.snr_db is None else job.snr_db,
-                    "method": job.method,
-                    "seed": job.seed,
-                    "accuracy": value["accuracy"],
-                    "balanced": value["balanced_accuracy"],
-                    "oracle": value["oracle_accuracy"],
-                    "strict": unseen.get("accuracy", np.nan),
-                    "strict_oracle": unseen.get("oracle_accuracy", np.nan),
-                    "recordings_right": value["recordings_right"],
-                    "recordings": value["recordings"],
-                    "source_accuracy": np.nan if value["source_accuracy"] is None else value["source_accuracy"],
-                    **{f"by {name}": value["accuracy_by_criterion"].get(name, np.nan) for name in CRITERIA},
-                }
-            )
+            rows.append({
+                "data": outcome.data, "family": outcome.task.family, "task": job.task, "available": job.available,
+                "unseen": np.nan if job.unseen is None else job.unseen,
+                "main": (job.unseen is None) == outcome.task.same_bearings, "noise": noise_words(job.snr_db),
+                "snr_db": np.inf if job.snr_db is None else job.snr_db, "method": job.method, "seed": job.seed,
+                "accuracy": value["accuracy"], "balanced": value["balanced_accuracy"],
+                "oracle": value["oracle_accuracy"], "strict": unseen.get("accuracy", np.nan),
+                "strict_oracle": unseen.get("oracle_accuracy", np.nan), "recordings_right": value["recordings_right"],
+                "recordings": value["recordings"],
+                "source_accuracy": np.nan if value["source_accuracy"] is None else value["source_accuracy"],
+                **{f"by {name}": value["accuracy_by_criterion"].get(name, np.nan) for name in CRITERIA},
+            })  # fmt: skip
     return _sorted(pd.DataFrame(rows))
 
 
 def _sorted(runs: pd.DataFrame) -> pd.DataFrame:
     """In the order of tasks, states, noise (none first), methods, seeds."""
-    keys = pd.DataFrame(
-        {
-            "task": runs["task"],
-            "main": ~runs["main"],
-            "available": _place(runs["available"], ORDER),
-            "unseen": runs["unseen"].fillna(-1.0),
-            "noise": -runs["snr_db"],
-            "method": _place(runs["method"], ALL),
-            "seed": runs["seed"],
-        }
-    )
+    keys = pd.DataFrame({
+        "task": runs["task"], "main": ~runs["main"], "available": _place(runs["available"], ORDER),
+        "unseen": runs["unseen"].fillna(-1.0), "noise": -runs["snr_db"], "method": _place(runs["method"], ALL),
+        "seed": runs["seed"],
+    })  # fmt: skip
     return runs.loc[keys.sort_values(list(keys.columns), kind="stable").index].reset_index(drop=True)
 
 

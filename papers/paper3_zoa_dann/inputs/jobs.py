@@ -148,17 +148,10 @@ def _judged(
     names = np.array([c.name for c in task.evaluate.conditions])
     whole_calls = np.array(votes)
     return TaskResult(
-        task,
-        measured,
-        identified,
-        recipe,
-        trainings,
-        majority(labels, len(classes)),
+        task, measured, identified, recipe, trainings, majority(labels, len(classes)),
         score(calls, labels, measured.evaluate.group),
-        score(whole_calls, np.concatenate([t for t in truth if t is not None]), names),
-        calls,
-        whole_calls,
-    )
+        score(whole_calls, np.concatenate([t for t in truth if t is not None]), names), calls, whole_calls,
+    )  # fmt: skip
 
 
 def _log_task(log: Run, result: TaskResult) -> None:
@@ -182,12 +175,8 @@ def _log_training(log: Run, training: Result[Job]) -> None:
     log.parameters({"seed": training.job.seed, "device": value["device"], **dataclasses.asdict(training.job.training)})
     names = {"source loss": "source_loss", "domain accuracy": "domain_accuracy", "accuracy at checkpoint": "accuracy"}
     log_checkpoints(log, value, names)
-    log.metrics(
-        {
-            "accuracy": value["accuracy"][value["place"]],
-            "balanced accuracy": value["balanced_accuracy"][value["place"]],
-            "oracle accuracy": max(value["accuracy"]),
-            "source accuracy": value["source_accuracy"],
-            "seconds": training.seconds,
-        }
-    )
+    log.metrics({
+        "accuracy": value["accuracy"][value["place"]], "balanced accuracy": value["balanced_accuracy"][value["place"]],
+        "oracle accuracy": max(value["accuracy"]), "source accuracy": value["source_accuracy"],
+        "seconds": training.seconds,
+    })  # fmt: skip

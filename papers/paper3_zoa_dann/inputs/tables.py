@@ -73,14 +73,9 @@ def _row(
 ) -> dict[str, Any]:
     values = [t.value["accuracy"][t.value["place"]] for t in trainings]
     row: dict[str, Any] = {
-        "data": data,
-        "task": result.task.title,
-        "input": view,
-        "method": method,
-        "seeds": len(values),
-        "accuracy": float(np.mean(values)),
-        "std": std(values),
-    }
+        "data": data, "task": result.task.title, "input": view, "method": method, "seeds": len(values),
+        "accuracy": float(np.mean(values)), "std": std(values),
+    }  # fmt: skip
     row |= intervals(values, options.judging.levels, 0.0, 1.0)
     row["balanced"] = float(np.mean([t.value["balanced_accuracy"][t.value["place"]] for t in trainings]))
     row["recordings_right"] = float(np.mean([t.value["recordings_right"] for t in trainings]))
