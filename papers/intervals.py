@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
@@ -15,7 +15,7 @@ def std(values: Sequence[float]) -> float:
 
 
 def intervals(
-    values: Sequence[float], levels: Sequence[float], lowest: float = -np.inf, highest: float = np.inf, name: str = ""
+    values: Iterable[float], levels: Sequence[float], lowest: float = -np.inf, highest: float = np.inf, name: str = ""
 ) -> dict[str, float]:
     """Columns ``low_95`` and ``high_95`` of each level; ends beyond what a value can be are cut."""
     row = {}

@@ -38,7 +38,7 @@ class Adaptation:
     # measurements after the alarm that are waited for before damage is fitted: 10 in the paper
     after_alarm_min: float = 10.0
     limit: float = 15.0  # peak to peak at which a life ends, unit of the records: 15 g in the paper
-    # "one", "free": Of the damage curve at K_anomaly, see `fit_damage`; "one" as printed.
+    # "one", "free": of the damage curve at K_anomaly, see `fit_damage`; "one" as printed.
     level: Literal["one", "free"] = "one"
     lives: int = 6  # simulated for training: 6 in the paper
     held_out_lives: int = 2  # simulated at rates between those, to choose a checkpoint by

@@ -67,7 +67,7 @@ class SignalModel:
     jitter: float = 0.02  # standard deviation of tau_i, impact spacings
     load_zone: float = 0.3  # depth of q
     scatter: float = 0.1  # standard deviation of A_i
-    # "given", "matched": Depth of q and scatter of A as given, or those of `IMPACT_SHAPES` with which simulated
+    # "given", "matched": depth of q and scatter of A as given, or those of `IMPACT_SHAPES` with which simulated
     # records are as impulsive as the measured ones after the anomaly (peak to peak over RMS).
     impact_shape: Literal["given", "matched"] = "given"
     # "constant", "with_speed", "measured": n(t) of eq. 1 is the same at all speeds. "with_speed": what passes

@@ -212,12 +212,12 @@ def tell(job: KnownLaw) -> dict[str, float]:
 
 def _simulated(job: Coverage | KnownLaw, rng: np.random.Generator) -> Iterator[tuple[Array, Array]]:
     """Times and values [rows] of one run after the other: the curve in AR(1) noise."""
-    t = 10.0 * np.arange(job.rows)
-    curve = TRUTHS[job.truth](t / t[-1])
+    t = 10.0 * np.arange(job.rows, dtype=np.float64)
+    curve: Array = TRUTHS[job.truth](t / t[-1])
     for _ in range(job.runs):
         shocks = job.noise * rng.standard_normal(job.rows)
         shocks[1:] *= np.sqrt(1 - job.memory**2)
-        yield t, curve + lfilter([1.0], [1.0, -job.memory], shocks)
+        yield t, np.asarray(curve + lfilter([1.0], [1.0, -job.memory], shocks))
 
 
 def runs(work: Work) -> list[StudyRun]:

@@ -28,7 +28,7 @@ class Motion:
     t_s: Array  # [samples] time since the start, s
     x_m: Array  # x_m, y_m: [samples] displacement across and along the load, m
     y_m: Array
-    vx_m_s: Array  # vx_m_s, vy_m_s: [samples] Velocity, m/s
+    vx_m_s: Array  # vx_m_s, vy_m_s: [samples] velocity, m/s
     vy_m_s: Array
     cage_turns: Array  # [samples] angle of the cage: roller j stands at 2 pi (cage_turns + j / Z)
 

@@ -42,7 +42,7 @@ class Thresholds:
 class Choice:
     """What to use."""
 
-    approach: Approach  # "twin network", "corrected network", "SVM", "SOM-MQE": For naming the fault.
+    approach: Approach  # "twin network", "corrected network", "SVM", "SOM-MQE": for naming the fault
     alarm: bool  # whether the healthy map can alarm at the wanted rate; it needs no fault record
     why: str  # one or two sentences
 

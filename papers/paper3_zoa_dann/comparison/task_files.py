@@ -44,7 +44,7 @@ class TaskFile:
 
     name: str  # short
     title: str  # in words
-    # "A", "B": Tasks over which a mean is taken, and which published mean stands beside it.
+    # "A", "B": tasks over which a mean is taken, and which published mean stands beside it.
     family: Literal["A", "B"]
     data_set: str  # by its name in `twingap.data`
     fs_hz: float  # rate to which recordings are brought
