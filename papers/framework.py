@@ -83,7 +83,6 @@ class Study:
         Its TOML file.
     options : type
         Dataclass of that file's entries. Its field `profiles`, a mapping, has the sizes of each profile.
-    steps : sequence of Step
     tables : callable
         Work -> name -> table.
     figures : callable, optional
@@ -147,6 +146,8 @@ class Study:
     ) -> Work:
         """Run the study; what an interrupted run has finished is taken up again.
 
+        Raises `TwingapError` for a configuration, profile, data root, backend or folder that cannot be used.
+
         Parameters
         ----------
         profile : str
@@ -164,16 +165,10 @@ class Study:
             Of the trainings that can use a GPU.
         log : Run or None
             Of a tracker: parameters, metrics, tables and figures go there.
-        progress : callable
         config : Path or None
             In place of the study's own.
         draw : bool
             Make the figures.
-
-        Raises
-        ------
-        TwingapError
-            For a configuration, profile, data root, backend or folder that cannot be used.
         """
         path = config or self.config
         options = self.read(path)
@@ -224,8 +219,6 @@ class Work:
 
     Parameters
     ----------
-    study : Study
-    profile : str
     options, size : Any
         Of the configuration, and of the profile in use.
     out, root, seed, backend, address, device, log, progress
@@ -234,10 +227,8 @@ class Work:
         Where the numbers come from; set by the step that reads data.
     missing : tuple of str
         What was left out since its data are not at hand; set by that step, too.
-    config : Path
     computed, finished : int
         Jobs that ran now, and all jobs.
-    tables : dict of str to DataFrame
     """
 
     study: Study
@@ -332,10 +323,7 @@ def rows_of(table: pd.DataFrame) -> list[dict[str, Any]]:
 def load_study(name: str) -> Study:
     """The study of a folder, by the dotted name of its package.
 
-    Raises
-    ------
-    TwingapError
-        When there is none.
+    Raises `TwingapError` when there is none.
     """
     try:
         found = importlib.import_module(f"{name}.study").STUDY

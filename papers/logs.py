@@ -29,7 +29,6 @@ def log_method(
         What names the method, in words; parameters of all runs.
     trainings : sequence of Result
         One a seed.
-    metric : str
     values : sequence of float
         Of that metric, one a training; their mean and deviation are logged.
     log_training : callable
@@ -52,7 +51,6 @@ def log_checkpoints(log: Run, value: Mapping[str, Any], names: Mapping[str, str]
 
     Parameters
     ----------
-    log : Run
     value : mapping
         Of a training: ``steps`` [checkpoints], ``criteria`` (name -> [checkpoints]), and others [checkpoints].
     names : mapping

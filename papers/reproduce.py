@@ -63,7 +63,6 @@ class Outcome:
         By name of the study.
     missing : tuple of str
         Studies whose data are not at hand.
-    out : Path
     run_id : str or None
         Of the tracker's run.
     """
@@ -102,6 +101,8 @@ def run(
 ) -> Outcome:
     """Run a paper's studies; what an interrupted run has finished is taken up again.
 
+    Raises `TwingapError` for a profile, study, backend, data root or folder that cannot be used.
+
     Parameters
     ----------
     paper : {"paper1", "paper2", "paper3"}
@@ -113,11 +114,6 @@ def run(
         Where the run is logged; None keeps no log.
     only : collection of str, optional
         Names of studies to run; all of the profile when None.
-
-    Raises
-    ------
-    TwingapError
-        For a profile, study, backend, data root or folder that cannot be used.
     """
     if profile not in BOTH:
         raise TwingapError(f"unknown profile {profile!r}", mend=f"use one of {', '.join(BOTH)}")
@@ -168,10 +164,7 @@ def short_names() -> dict[str, str]:
 def check_configurations() -> list[str]:
     """Read the configuration of every study, and run nothing; a line for each.
 
-    Raises
-    ------
-    TwingapError
-        For the first that is wrong: file, key, value and what was expected.
+    Raises `TwingapError` for the first that is wrong: file, key, value and what was expected.
     """
     return [
         f"{name}: profiles {', '.join(load_study(package).read().profiles)}" for name, package in short_names().items()

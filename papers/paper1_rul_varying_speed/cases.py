@@ -38,54 +38,27 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Target:
-    """The machine, its runs, and what stands beside every number.
+    """The machine, its runs, and what stands beside every number."""
 
-    Parameters
-    ----------
-    records : RecordSet
-        All runs; group = bearing.
-    title : str
-        "Smart Maintenance", or "virtual Smart Maintenance rig (surrogate)".
-    real : bool
-    onsets_s : dict[str, float]
-        When damage really began, where that is known: of the rig.
-    """
-
-    records: RecordSet
-    title: str
+    records: RecordSet  # all runs; group = bearing
+    title: str  # "Smart Maintenance", or "virtual Smart Maintenance rig (surrogate)"
     real: bool
-    onsets_s: dict[str, float]
+    onsets_s: dict[str, float]  # when damage really began, where that is known: of the rig
 
 
 @dataclass(frozen=True)
 class Known:
-    """What a training may see of a run: nothing of it comes from after `twin.now_row`.
+    """What a training may see of a run: nothing of it comes from after `twin.now_row`."""
 
-    Parameters
-    ----------
-    name : str
-        Of the bearing.
-    bearing : Bearing
-    fault : str
-    fs_hz : float
-    unit : str
-    dt_s : float
-    twin : AdaptiveTwin
-    healthy : Snapshots
-        Records of the healthy beginning.
-    real : Snapshots
-        Records from K_anomaly to now, without labels.
-    """
-
-    name: str
+    name: str  # of the bearing
     bearing: Bearing
     fault: str
     fs_hz: float
     unit: str
     dt_s: float
     twin: AdaptiveTwin
-    healthy: Snapshots
-    real: Snapshots
+    healthy: Snapshots  # records of the healthy beginning
+    real: Snapshots  # records from K_anomaly to now, without labels
 
     def __post_init__(self) -> None:
         last = self.twin.now_row - self.twin.onset_row
@@ -95,26 +68,14 @@ class Known:
 
 @dataclass(frozen=True)
 class Case:
-    """One run.
-
-    Parameters
-    ----------
-    known : Known
-    run : Run
-        All rows to the end of life.
-    judged : Snapshots
-        Records from K_anomaly to the end of life, with their true remaining revolutions: for the judge alone.
-    onset_s : float or None
-        When damage really began, where that is known.
-    waited : tuple of str
-        Why the twin could not be adapted earlier.
-    """
+    """One run."""
 
     known: Known
-    run: Run
+    run: Run  # all rows to the end of life
+    # records from K_anomaly to the end of life, with their true remaining revolutions: for the judge alone
     judged: Snapshots
-    onset_s: float | None
-    waited: tuple[str, ...]
+    onset_s: float | None  # when damage really began, where that is known
+    waited: tuple[str, ...]  # why the twin could not be adapted earlier
 
     @property
     def name(self) -> str:
@@ -172,21 +133,17 @@ def load_target(
 ) -> Target:
     """The real runs when they are at hand, else the virtual rig's.
 
+    Raises `TwingapError` when `root` is given and does not hold what is needed: who names data wants those used.
+    Without it when runs are at hand and are not all there, or cannot be read.
+
     Parameters
     ----------
-    options : TargetOptions
     root : Path or None
         Data root; TWINGAP_DATA when None.
     bearings : sequence of str
         Which runs.
     progress : callable (what, fraction)
         Called while the rig's records are made.
-
-    Raises
-    ------
-    TwingapError
-        When `root` is given and does not hold what is needed: who names data wants those used. Without it when runs are
-        at hand and are not all there, or cannot be read.
     """
     try:
         records = data.load(options.data_set, root)
@@ -209,22 +166,12 @@ def load_target(
 def read_case(target: Target, name: str, options: TargetOptions, adaptation: Adaptation) -> Case:
     """Read one run.
 
+    Raises `TwingapError` when nothing can be predicted of the run, or it does not reach the end of life.
+
     Parameters
     ----------
-    target : Target
     name : str
         Of the bearing.
-    options : TargetOptions
-    adaptation : Adaptation
-
-    Returns
-    -------
-    Case
-
-    Raises
-    ------
-    TwingapError
-        When nothing can be predicted of the run, or it does not reach the end of life.
     """
     records = target.records.select(lambda c: c.group == name)
     if records.bearing is None:
@@ -244,10 +191,7 @@ def read_case(target: Target, name: str, options: TargetOptions, adaptation: Ada
 def adapted(records: RecordSet, run: Run, name: str, adaptation: Adaptation) -> tuple[AdaptiveTwin, tuple[str, ...]]:
     """The twin at the first moment at which it can be had, and why not earlier.
 
-    Raises
-    ------
-    TwingapError
-        When nothing can be predicted of the run; with its name.
+    Raises `TwingapError` when nothing can be predicted of the run; with its name.
     """
     waited: list[str] = []
     try:
@@ -261,26 +205,13 @@ def adapted(records: RecordSet, run: Run, name: str, adaptation: Adaptation) -> 
 
 @dataclass(frozen=True)
 class Reading:
-    """How the records of a run are cut.
+    """How the records of a run are cut."""
 
-    Parameters
-    ----------
-    name : str
-        Of the bearing.
-    fault : str
-    n_samples : int
-        From the beginning of each record.
-    healthy_rows : int
-    onset_s : float or None
-        When damage really began, where that is known.
-    waited : tuple of str
-    """
-
-    name: str
+    name: str  # of the bearing
     fault: str
-    n_samples: int
+    n_samples: int  # from the beginning of each record
     healthy_rows: int
-    onset_s: float | None
+    onset_s: float | None  # when damage really began, where that is known
     waited: tuple[str, ...]
 
 

@@ -11,7 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from papers.paper1_rul_varying_speed.cases import Array, Case, Known
+from papers.embedding import embed
+from papers.paper1_rul_varying_speed.cases import Case, Known
 from papers.paper1_rul_varying_speed.methods.architecture import LifeArchitecture
 from papers.paper1_rul_varying_speed.methods.degradation import Trajectory
 from papers.paper1_rul_varying_speed.methods.metrics import rmse
@@ -32,57 +33,27 @@ from twingap.streams import Streams
 
 @dataclass(frozen=True)
 class Added:
-    """Effects that the simulated records get besides, as a gap diagnosis named them.
-
-    Parameters
-    ----------
-    effects : tuple of (name, ((parameter, value), ...))
-    reference_rms : float
-        Their yardstick: RMS of the run's healthy vibration, as the diagnosis took it.
-    """
+    """Effects that the simulated records get besides, as a gap diagnosis named them."""
 
     effects: tuple[tuple[str, tuple[tuple[str, float], ...]], ...]
-    reference_rms: float
+    reference_rms: float  # their yardstick: RMS of the run's healthy vibration, as the diagnosis took it
 
 
 @dataclass(frozen=True)
 class Job:
-    """One training.
-
-    Parameters
-    ----------
-    bearing : str
-    variant : str
-        Of the twin.
-    model : str
-    architecture : LifeArchitecture
-        The model's.
-    seed : int
-        Of simulated records, weights and order.
-    training : LifeTraining
-    signal : SignalModel
-    copies : int
-        Records simulated per row of a life.
-    most_records : int
-        Simulated records in all.
-    criterion : str
-        By which a checkpoint is chosen.
-    embedded : bool
-        Whether to embed the judged records by t-SNE.
-    added : Added or None
-    """
+    """One training."""
 
     bearing: str
-    variant: str
+    variant: str  # of the twin
     model: str
-    architecture: LifeArchitecture
-    seed: int
+    architecture: LifeArchitecture  # the model's
+    seed: int  # of simulated records, weights and order
     training: LifeTraining
     signal: SignalModel
-    copies: int
-    most_records: int
-    criterion: str
-    embedded: bool = False
+    copies: int  # records simulated per row of a life
+    most_records: int  # simulated records in all
+    criterion: str  # by which a checkpoint is chosen
+    embedded: bool = False  # whether to embed the judged records by t-SNE
     added: Added | None = None
 
 
@@ -95,8 +66,6 @@ def simulate(job: Job, known: Known, digest: str = "") -> tuple[Snapshots, Snaps
 
     Parameters
     ----------
-    job : Job
-    known : Known
     digest : str
         Of the run; with it the records may be taken from those made last.
     """
@@ -160,25 +129,12 @@ def train_and_judge(job: Job, case: Case) -> dict[str, Any]:
     predicted = [trained.predict(shown, k) for k in range(len(trained.checkpoints))]
     result: dict[str, Any] = {
         "revolutions": predicted[place],
-        "criteria": {name: [rule(e) for e in evidence] for name, rule in CRITERIA.items()},
-        "chosen": chosen,
-        "place": place,
-        "rmse_min": [rmse(case.true_min, case.minutes(p)) for p in predicted],
-        "steps": [c.step for c in trained.checkpoints],
-        "loss": [c.loss for c in trained.checkpoints],
+        "criteria": {name: [rule(e) for e in evidence] for name, rule in CRITERIA.items()}, "chosen": chosen,
+        "place": place, "rmse_min": [rmse(case.true_min, case.minutes(p)) for p in predicted],
+        "steps": [c.step for c in trained.checkpoints], "loss": [c.loss for c in trained.checkpoints],
         "domain_accuracy": [None if np.isnan(c.domain_accuracy) else c.domain_accuracy for c in trained.checkpoints],
-        "simulated": len(simulate(job, case.known, case.digest)[0]),
-        "device": trained.device,
-    }
+        "simulated": len(simulate(job, case.known, case.digest)[0]), "device": trained.device,
+    }  # fmt: skip
     if job.embedded:
         result["embedding"] = embed(trained.embed(shown, place), job.seed)
     return result
-
-
-def embed(features: Array, seed: int) -> Array:
-    """t-SNE of features, standardised, in two dimensions [records, 2]."""
-    from sklearn.manifold import TSNE
-
-    scaled = (features - features.mean(axis=0)) / (features.std(axis=0) + 1e-6)
-    perplexity = min(30.0, (len(features) - 1) / 3)
-    return np.asarray(TSNE(perplexity=perplexity, init="pca", random_state=seed).fit_transform(scaled), dtype=float)

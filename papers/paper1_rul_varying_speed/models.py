@@ -31,21 +31,14 @@ MODELS: Final[Mapping[str, LifeArchitecture]] = MappingProxyType({
 def architecture_of(name: str, *, printed: bool = False) -> LifeArchitecture:
     """The network of one model.
 
+    Raises `TwingapError` for an unknown model.
+
     Parameters
     ----------
     name : str
         A key of MODELS.
     printed : bool
         Table 1 to the letter, 32 features, instead of the text's 112.
-
-    Returns
-    -------
-    LifeArchitecture
-
-    Raises
-    ------
-    TwingapError
-        For an unknown model.
     """
     if name not in MODELS:
         raise TwingapError(f"no model {name!r}", where="models", mend=f"choose from {', '.join(MODELS)}")

@@ -8,9 +8,9 @@ adapt (no labels) ---+                                      |                   
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,51 +33,30 @@ from twingap.adapt import (
 )
 from twingap.bearing import Bearing
 
+if TYPE_CHECKING:
+    from papers.framework import Work
+
 
 @dataclass(frozen=True)
 class Job:
-    """One training.
-
-    Parameters
-    ----------
-    task : str
-    view : str
-        What the network is shown, a key of `twingap.adapt.VIEWS`.
-    method : {"source_only", "dann"}
-    seed : int
-    training : Training
-    criterion : str
-        By which a checkpoint is chosen.
-    held_out : float
-        Share of virtual bearings kept for source validation.
-    recipe : Recipe
-        Of the simulated windows.
-    """
+    """One training."""
 
     task: str
-    view: str
-    method: Method
+    view: str  # what the network is shown, a key of `twingap.adapt.VIEWS`
+    method: Method  # one of "source_only", "dann"
     seed: int
     training: Training
-    criterion: str
-    held_out: float
-    recipe: Recipe
+    criterion: str  # by which a checkpoint is chosen
+    held_out: float  # share of virtual bearings kept for source validation
+    recipe: Recipe  # of the simulated windows
 
 
 @dataclass(frozen=True)
 class Measured:
-    """The recordings of one task, as windows.
+    """The recordings of one task, as windows."""
 
-    Parameters
-    ----------
-    adapt : Windows
-        Unlabelled.
-    evaluate : Windows
-        Labelled: looked at after training and selection.
-    """
-
-    adapt: Windows
-    evaluate: Windows
+    adapt: Windows  # unlabelled
+    evaluate: Windows  # labelled: looked at after training and selection
 
     def __post_init__(self) -> None:
         if self.adapt.labels is not None or set(self.adapt.group) & set(self.evaluate.group):
@@ -123,21 +102,15 @@ def train_and_judge(job: Job, measured: Measured) -> dict[str, Any]:
     judged = [outputs(net, x_evaluate) for net in nets]
     scores = [score(o.probabilities, labels, measured.evaluate.group) for o in judged]
     result: dict[str, Any] = {
-        "criteria": criteria,
-        "chosen": chosen,
-        "place": place,
-        "accuracy": [s.accuracy for s in scores],
-        "balanced_accuracy": [s.balanced_accuracy for s in scores],
-        "confusion": scores[place].confusion,
-        "recordings_right": scores[place].recordings_right,
-        "recordings": scores[place].recordings,
+        "criteria": criteria, "chosen": chosen, "place": place, "accuracy": [s.accuracy for s in scores],
+        "balanced_accuracy": [s.balanced_accuracy for s in scores], "confusion": scores[place].confusion,
+        "recordings_right": scores[place].recordings_right, "recordings": scores[place].recordings,
         "probabilities": judged[place].probabilities.astype(np.float32),
         "source_accuracy": float(np.mean(evidence[place].source.predicted == held.labels)),
-        "steps": [c.step for c in trained.checkpoints],
-        "source_loss": [c.source_loss for c in trained.checkpoints],
+        "steps": [c.step for c in trained.checkpoints], "source_loss": [c.source_loss for c in trained.checkpoints],
         "domain_accuracy": [None if np.isnan(c.domain_accuracy) else c.domain_accuracy for c in trained.checkpoints],
         "device": trained.device,
-    }
+    }  # fmt: skip
     return result
 
 
@@ -146,30 +119,9 @@ def spread(n: int, wanted: int) -> NDArray[np.int64]:
     return np.unique(np.linspace(0, n - 1, min(n, wanted)).astype(np.int64))
 
 
-def embed(features: NDArray[np.float32], seed: int) -> NDArray[np.float32]:
-    """t-SNE of features, standardised, in two dimensions [windows, 2]."""
-    from sklearn.manifold import TSNE
-
-    scaled = (features - features.mean(axis=0)) / (features.std(axis=0) + 1e-6)
-    perplexity = min(30.0, (len(features) - 1) / 3)
-    return np.asarray(
-        TSNE(perplexity=perplexity, init="pca", random_state=seed).fit_transform(scaled), dtype=np.float32
-    )
-
-
 @dataclass(frozen=True)
 class Identification:
-    """One identification of the twin.
-
-    Parameters
-    ----------
-    task : str
-    bearing : Bearing
-    classes : tuple[str, ...]
-    source : SourceOptions
-    options : IdentificationOptions
-    evaluations : int
-    """
+    """One identification of the twin."""
 
     task: str
     bearing: Bearing
@@ -195,3 +147,10 @@ def windows_digest(parts: Sequence[Windows]) -> str:
         if w.labels is not None:
             whole.update(w.labels.astype("<i8").tobytes())
     return whole.hexdigest()
+
+
+def identified(work: Work, job: Identification, adapt: Windows, what: str) -> Mapping[str, float]:
+    """Identify the twin; a single job, which needs no workers."""
+    inputs = {"adapt": (adapt, windows_digest([adapt]))}
+    (found,) = work.sweep(identify_twin, [job], inputs, what=f"identifying the twin, {what}", backend="sequential")
+    return dict(found.value)

@@ -57,10 +57,6 @@ def sign_flip(differences: Sequence[float] | NDArray[np.float64], step: float = 
 def holm(p_values: Sequence[float]) -> list[float]:
     """P values corrected for their number by Holm's step-down (1979): the chance of any false find stays below each.
 
-    Parameters
-    ----------
-    p_values : sequence of float
-
     Returns
     -------
     list[float]

@@ -66,10 +66,8 @@ def identify(
     ----------
     measured : Windows
         Labels are not read.
-    bearing : Bearing
     classes : sequence of str
         Simulated in equal parts.
-    source, options
     evaluations : int
         Of the objective; 0 gives the preset's values.
 
@@ -126,29 +124,12 @@ def identify(
 
 @dataclass(frozen=True)
 class Recipe:
-    """All that the simulated windows of a task depend on, so that any worker anywhere makes the same ones.
+    """All that the simulated windows of a task depend on, so that any worker anywhere makes the same ones."""
 
-    Parameters
-    ----------
-    stiffness, damping, white_share : float
-        As identified.
-    speeds_rpm : tuple[float, ...]
-        Of the adaptation recordings; simulated speeds lie around them.
-    fs_hz : float
-    bearing : Bearing
-    classes : tuple[str, ...]
-    options : SourceOptions
-    bearings_per_class, records_per_bearing, window_samples : int
-    seed : int
-    closed : tuple[str, ...]
-        Effects beyond `options.effects` that the gap diagnosis names: each virtual bearing has each of them or not, by
-        lot, with parameters drawn from all that is plausible.
-    """
-
-    stiffness: float
+    stiffness: float  # stiffness, damping, white_share: as identified
     damping: float
     white_share: float
-    speeds_rpm: tuple[float, ...]
+    speeds_rpm: tuple[float, ...]  # of the adaptation recordings; simulated speeds lie around them
     fs_hz: float
     bearing: Bearing
     classes: tuple[str, ...]
@@ -157,6 +138,8 @@ class Recipe:
     records_per_bearing: int
     window_samples: int
     seed: int
+    # effects beyond `options.effects` that the gap diagnosis names: each virtual bearing has each of them or not, by
+    # lot, with parameters drawn from all that is plausible
     closed: tuple[str, ...] = ()
 
     def twin_toml(self) -> str:
@@ -178,28 +161,14 @@ class Recipe:
 
 @dataclass(frozen=True)
 class VirtualBearing:
-    """One of a population.
+    """One of a population."""
 
-    Parameters
-    ----------
-    parameters : ContactParameters
-        Without noise.
-    path : tuple of Effect
-        Of its structure.
-    fault : str
-    snr_db : float
-        Of its fault's vibration over its noise (of an inner-race fault's, when healthy).
-    load_n : float
-    drawn : tuple of Effect
-        By lot, on top of fault and noise: no part of what they are measured by.
-    """
-
-    parameters: ContactParameters
-    path: tuple[Effect, ...]
+    parameters: ContactParameters  # without noise
+    path: tuple[Effect, ...]  # of its structure
     fault: str
-    snr_db: float
+    snr_db: float  # of its fault's vibration over its noise (of an inner-race fault's, when healthy)
     load_n: float
-    drawn: tuple[Effect, ...] = ()
+    drawn: tuple[Effect, ...] = ()  # by lot, on top of fault and noise: no part of what they are measured by
 
 
 @lru_cache(maxsize=2)
@@ -245,15 +214,10 @@ def _virtual_bearing(recipe: Recipe, fault: str, rng: np.random.Generator) -> Vi
         _log_uniform(source.resonance_gain, rng),
     )
     own = dataclasses.replace(
-        preset,
-        stiffness=recipe.stiffness * float(spread[0]),
-        damping=recipe.damping * float(spread[1]),
-        mass_kg=preset.mass_kg * float(spread[2]),
-        load_n=load_n,
-        clearance_um=_uniform(source.clearance_um, rng),
-        defect_width_mm=width_mm,
-        defect_depth_um=dict.fromkeys(DEFECTS, depth_um),
-    )
+        preset, stiffness=recipe.stiffness * float(spread[0]), damping=recipe.damping * float(spread[1]),
+        mass_kg=preset.mass_kg * float(spread[2]), load_n=load_n, clearance_um=_uniform(source.clearance_um, rng),
+        defect_width_mm=width_mm, defect_depth_um=dict.fromkeys(DEFECTS, depth_um),
+    )  # fmt: skip
     return VirtualBearing(own, (resonance,), fault, snr_db, load_n)
 
 

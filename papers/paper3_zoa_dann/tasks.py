@@ -18,19 +18,10 @@ from twingap.rigs import make_rig
 
 @dataclass(frozen=True)
 class Target:
-    """The machine that is diagnosed.
+    """The machine that is diagnosed."""
 
-    Parameters
-    ----------
-    records : RecordSet
-        Recordings at the loads in question, labelled.
-    title : str
-        What stands beside every number: "CWRU", or "virtual rig, not CWRU".
-    real : bool
-    """
-
-    records: RecordSet
-    title: str
+    records: RecordSet  # recordings at the loads in question, labelled
+    title: str  # what stands beside every number: "CWRU", or "virtual rig, not CWRU"
     real: bool
 
 
@@ -38,27 +29,13 @@ class Target:
 class Task:
     """One question put to the methods.
 
-    Parameters
-    ----------
-    name : str
-        As in the configuration.
-    title : str
-        In words.
-    adapt : RecordSet
-        Recordings to adapt to, their faults taken away.
-    evaluate : RecordSet
-        Recordings to judge on.
-
-    Raises
-    ------
-    TwingapError
-        When a recording is on both sides.
+    Raises `TwingapError` when a recording is on both sides.
     """
 
-    name: str
-    title: str
-    adapt: RecordSet
-    evaluate: RecordSet
+    name: str  # as in the configuration
+    title: str  # in words
+    adapt: RecordSet  # recordings to adapt to, their faults taken away
+    evaluate: RecordSet  # recordings to judge on
 
     def __post_init__(self) -> None:
         both = set(self.adapt.groups) & set(self.evaluate.groups)
@@ -71,19 +48,15 @@ class Task:
 def load_target(options: TargetOptions, root: Path | None, rig_duration_s: float) -> Target:
     """The public records when they are at hand, else the virtual rig.
 
+    Raises `TwingapError` when the records are there in part or cannot be read, or `root` is given and does not hold
+    them: who names data wants those used.
+
     Parameters
     ----------
-    options : TargetOptions
     root : Path or None
         Data root; TWINGAP_DATA when None.
     rig_duration_s : float
         Length of the rig's recordings.
-
-    Raises
-    ------
-    TwingapError
-        When the records are there in part or cannot be read, or `root` is given and does not hold them: who names data
-        wants those used.
     """
     try:
         records = _wanted(data.load(options.data_set, root), options)
@@ -115,6 +88,8 @@ def _wanted(records: RecordSet, options: TargetOptions) -> RecordSet:
 def make_tasks(names: Sequence[str], records: RecordSet) -> list[Task]:
     """Tasks by name.
 
+    Raises `TwingapError` for a name of another form, or sizes and loads that the records lack.
+
     Parameters
     ----------
     names : sequence of str
@@ -123,11 +98,6 @@ def make_tasks(names: Sequence[str], records: RecordSet) -> list[Task]:
         and the healthy bearing (there is but one) are judged.
     records : RecordSet
         With the columns load_hp and fault_size_inch.
-
-    Raises
-    ------
-    TwingapError
-        For a name of another form, or sizes and loads that the records lack.
     """
     return [_task(name, records) for name in names]
 

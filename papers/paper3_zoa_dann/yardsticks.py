@@ -37,8 +37,6 @@ def analyst(
 
     Parameters
     ----------
-    windows : Windows
-    bearing : Bearing
     classes : tuple[str, ...]
         "healthy" among them.
     false_alarm : float

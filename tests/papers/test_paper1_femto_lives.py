@@ -25,7 +25,7 @@ from twingap.records import RecordSet
 
 root = test_paper1_femto.root
 RUN = "Bearing1_1"
-TINY = femto_lives.Size((RUN,), (2.0, 10.0), 1, 4, 40)
+TINY = femto_lives.Size((RUN,), 1, 4, 40, (2.0, 10.0))
 
 
 def run(size: femto_lives.Size, out: Path, root: Path, draw: bool = True) -> Work:

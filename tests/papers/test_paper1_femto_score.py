@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from papers.extra.femto.jobs import Features
 from papers.extra.femto_score import jobs
 from papers.extra.femto_score.score import best_point, best_share, within
 from papers.extra.femto_score.study import STUDY
@@ -75,7 +76,7 @@ def test_every_method_has_a_number_at_every_cut(root: Path, tmp_path: Path) -> N
 
 def test_the_end_of_the_run_that_is_predicted_changes_nothing(root: Path) -> None:
     name, cut = "Bearing1_1", 100
-    runs = {n: jobs.Run(*jobs.measure(jobs.Bearing(n), root=root).values()) for n in ("Bearing1_1", "Bearing2_1")}
+    runs = {n: jobs.Run(*jobs.measure(Features(n), root=root).values()) for n in ("Bearing1_1", "Bearing2_1")}
     louder = runs[name].indicators.copy()
     louder[cut + 1 :] *= 3
     changed = runs | {name: jobs.Run(louder, *(getattr(runs[name], k) for k in ("step_s", "speed_rpm", "load_n")))}

@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 
 from papers.extra.lines import jobs as lines
-from papers.extra.lines.jobs import Options, Reading, prominences, read
+from papers.extra.lines.jobs import Options, prominences, read
 from papers.extra.lines.study import STUDY
 from papers.extra.lines.tables import told
 from twingap.bearing import BEARINGS
@@ -19,7 +19,6 @@ from twingap.errors import TwingapError
 from twingap.records import Condition, Record, RecordSet
 
 BEARING, FS_HZ, TURN_HZ = BEARINGS["6205"], 12_000.0, 30.0
-READING = Reading(((0.04, 0.12), (0.20, 0.28)), 2, 0.01)
 
 
 def modulated(fault: str, carrier_hz: float, samples: int = 48_000) -> np.ndarray:
@@ -33,7 +32,7 @@ def modulated(fault: str, carrier_hz: float, samples: int = 48_000) -> np.ndarra
 
 @pytest.mark.parametrize(("place", "fault"), [(0, "inner"), (1, "outer"), (2, "ball")])
 def test_a_fault_stands_out_at_its_own_order_in_the_band_of_its_carrier(place: int, fault: str) -> None:
-    found = prominences(modulated(fault, 2880.0), FS_HZ, TURN_HZ, BEARING, READING)
+    found = prominences(modulated(fault, 2880.0), FS_HZ, TURN_HZ, BEARING, options(bands=[[0.04, 0.12], [0.20, 0.28]]))
     assert found.shape == (2, 3)
     assert found[1].argmax() == place and found[1, place] > 10 * np.delete(found[1], place).max()
     assert found[0].max() < 4
@@ -45,8 +44,8 @@ def recording(name: str, fault: str, shown: str | None, samples: int = 48_000) -
     return Record(Condition(name, 60 * TURN_HZ, FS_HZ, samples, fault), x)
 
 
-def options(shortest_s: float = 4.0, longest_s: float = 20.0) -> Options:
-    given = {**read_toml(STUDY.config), "shortest_s": shortest_s, "longest_s": longest_s}
+def options(**changed: object) -> Options:
+    given = {**read_toml(STUDY.config), **changed}
     return build(Options, given, "test")
 
 

@@ -56,28 +56,14 @@ MOST: Final = 1000
 
 @dataclass(frozen=True)
 class Trial:
-    """Every method on a task, taught by one source; `seed` draws the source.
-
-    Parameters
-    ----------
-    task : str
-    unseen : float or None
-        Size whose bearings are left out of adaptation.
-    source : str
-        One of `SOURCES`.
-    seed : int
-    criterion : str
-        Label-free, key of `twingap.adapt.CRITERIA`.
-    recipe : Recipe
-        Of the simulated windows.
-    """
+    """Every method on a task, taught by one source; `seed` draws the source."""
 
     task: str
-    unseen: float | None
-    source: str
+    unseen: float | None  # size whose bearings are left out of adaptation
+    source: str  # one of `SOURCES`
     seed: int
-    criterion: str
-    recipe: Recipe
+    criterion: str  # label-free, key of `twingap.adapt.CRITERIA`
+    recipe: Recipe  # of the simulated windows
 
 
 def trials(ready: Prepared, task: str, criterion: str) -> Iterator[Trial]:
@@ -110,8 +96,6 @@ def run_trial(job: Trial, material: Material, labelled: Windows) -> dict[str, di
 
     Parameters
     ----------
-    job : Trial
-    material : Material
     labelled : Windows
         Those adapted to, with labels: for the source "real labels" alone, from which nothing is adapted.
 
@@ -148,6 +132,8 @@ def _at(place: int, told: Sequence[Array], truth: Labels) -> dict[str, Any]:
 def adapted(method: str, setting: Any, rows: Array, labels: Labels, target: Array) -> Callable[[Array], Array]:
     """Fit one method: a function from target rows to probabilities [rows, classes].
 
+    Raises `TwingapError` without skada.
+
     Parameters
     ----------
     method, setting
@@ -155,11 +141,6 @@ def adapted(method: str, setting: Any, rows: Array, labels: Labels, target: Arra
     rows, labels : arrays [source rows, features], [source rows]
     target : Array [target rows, features]
         Unlabelled.
-
-    Raises
-    ------
-    TwingapError
-        Without skada.
     """
     import sklearn
     from sklearn.linear_model import LogisticRegression

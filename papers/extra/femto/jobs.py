@@ -15,7 +15,7 @@ nobody has looked at, expect less.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
@@ -83,18 +83,11 @@ class Prediction:
 
 @dataclass(frozen=True)
 class Measured:
-    """What is known of a run: its features and times.
+    """What is known of a run: its features and times."""
 
-    Parameters
-    ----------
-    features : Array [rows, len(FEATURES)]
-    time_s, speed_rpm : Array [rows]
-    load_n : float or None
-    """
-
-    features: Array
-    time_s: Array
-    speed_rpm: Array
+    features: Array  # [rows, len(FEATURES)]
+    time_s: Array  # [rows]
+    speed_rpm: Array  # [rows]
     load_n: float | None = None
 
     @property
@@ -162,13 +155,9 @@ def predict(job: Prediction, *, runs: dict[str, Measured]) -> dict[str, Any]:
     else:
         predicted, low, high = _by_growth(job, run, alone, prior)
     return {
-        "alarm": alone.alarm_row,
-        "onset": alone.onset_row,
-        "passed": passed,
-        "predicted": predicted,
-        "low": low,
+        "alarm": alone.alarm_row, "onset": alone.onset_row, "passed": passed, "predicted": predicted, "low": low,
         "high": high,
-    }
+    }  # fmt: skip
 
 
 def _by_growth(job: Prediction, run: Measured, alone: OnlineLife, prior: Prior) -> tuple[Array, Array, Array]:
@@ -204,25 +193,23 @@ def _inputs(run: Measured) -> Array:
     return rivals.causal_features(run.features, revolutions(run))
 
 
-def at_hand(root: Path | None = None) -> bool:
+def at_hand(root: Path | None = None, fewest: int = FEWEST) -> bool:
     """Whether the data root holds FEMTO's runs, as many as it takes to leave one out."""
     try:
-        return len(load("femto", root).groups) >= FEWEST
+        return len(load("femto", root).groups) >= fewest
     except NotAtHandError:
         return False
 
 
 def bearings(work: Work) -> list[Features]:
-    """The runs in question.
+    """The runs in question."""
+    return at_least(work.size.bearings or load("femto", work.root).groups, FEWEST)
 
-    Raises
-    ------
-    TwingapError
-        When fewer than three are at hand.
-    """
-    names = work.size.bearings or load("femto", work.root).groups
-    if len(names) < FEWEST:
-        raise TwingapError(f"{len(names)} FEMTO runs at hand, {FEWEST} or more needed", mend="see `twingap data list`")
+
+def at_least(names: Sequence[str], fewest: int) -> list[Features]:
+    """A job for each run; raises `TwingapError` for fewer runs."""
+    if len(names) < fewest:
+        raise TwingapError(f"{len(names)} FEMTO runs at hand, {fewest} or more needed", mend="see `twingap data list`")
     return [Features(name) for name in names]
 
 

@@ -23,30 +23,14 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Growth:
-    """A run since the onset of its anomaly, and what is known of its end.
+    """A run since the onset of its anomaly, and what is known of its end."""
 
-    Parameters
-    ----------
-    revolutions : Array [rows]
-        Since the onset, 0 at its first row.
-    log_amplitude : Array [rows]
-        Natural logarithm of normalised amplitude.
-    scatter : float
-        Standard deviation of healthy log amplitude.
-    first : int
-        Row at which the alarm is given: the first with a prediction.
-    end : float
-        Log amplitude at the end of life.
-    usual_life : float
-        Revolutions that other runs lasted from onset to end.
-    """
-
-    revolutions: Array
-    log_amplitude: Array
-    scatter: float
-    first: int
-    end: float
-    usual_life: float
+    revolutions: Array  # [rows] since the onset, 0 at its first row
+    log_amplitude: Array  # [rows] natural logarithm of normalised amplitude
+    scatter: float  # standard deviation of healthy log amplitude
+    first: int  # row at which the alarm is given: the first with a prediction
+    end: float  # log amplitude at the end of life
+    usual_life: float  # revolutions that other runs lasted from onset to end
 
     def __post_init__(self) -> None:
         if self.revolutions.shape != self.log_amplitude.shape or self.revolutions.ndim != 1:
@@ -81,12 +65,6 @@ def exponential_extrapolation(growth: Growth) -> Array:
 def particle_filter(growth: Growth, rng: np.random.Generator, particles: int = 1000) -> tuple[Array, Array, Array]:
     """Bootstrap filter of (log amplitude, log rate) under eq. 12 whose rate wanders (Gordon, Salmond, Smith 1993,
     DOI 10.1049/ip-f-2.1993.0015).
-
-    Parameters
-    ----------
-    growth : Growth
-    rng : Generator
-    particles : int
 
     Returns
     -------
@@ -127,7 +105,6 @@ def causal_features(columns: ArrayLike, revolutions: ArrayLike, healthy_rows: in
         Positive features of single records, NaN where a record was unusable.
     revolutions : array_like [rows]
         Since the first row.
-    healthy_rows : int
 
     Returns
     -------
@@ -158,7 +135,6 @@ def random_forest(
     train : sequence of (Array [rows, features], Array [rows])
         Features and remaining revolutions of other runs; every run weighs the same.
     features : Array [rows, features]
-    seed, trees : int
 
     Returns
     -------

@@ -23,7 +23,6 @@ def pooled(bearing: str, runs: dict[str, Measured], alone: dict[str, dict[str, A
     ----------
     bearing : str
         Left out: neither its life nor its predictions enter weight or width.
-    runs : dict
     alone : dict
         `predict` of each bearing by growth alone.
     """

@@ -22,6 +22,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
+from papers.extra.life_gap import jobs as life_gap
 from papers.extra.life_gap.diagnoses import SEEN, Asked, modelled, pair_of, row_of
 from papers.extra.life_gap.jobs import MODELS, added, lives_config, root_of
 from papers.paper1_rul_varying_speed.cases import Case, Reading, adapted, case_of
@@ -53,14 +54,10 @@ PRINTED, CLOSED = "printed", "closed"
 
 
 @dataclass(frozen=True)
-class Size:
+class Size(life_gap.Size):
     """How much is run; explained in config.toml."""
 
-    bearings: tuple[str, ...]
     waits_min: tuple[float, ...]
-    seeds: int
-    steps: int
-    most_records: int
 
 
 @dataclass(frozen=True)
@@ -73,14 +70,7 @@ class Options:
 
 @dataclass(frozen=True)
 class Wanted:
-    """One diagnosis.
-
-    Parameters
-    ----------
-    bearing : str
-    wait_min : float
-    seed : int
-    """
+    """One diagnosis."""
 
     bearing: str
     wait_min: float
@@ -95,6 +85,8 @@ class Wanted:
 def read_case(records: RecordSet, name: str, wait_min: float, options: Lives) -> Case:
     """A run as the paper's recipe reads it; the end is known to the judge alone.
 
+    Raises `TwingapError` when nothing can be simulated before the run ends.
+
     Parameters
     ----------
     records : RecordSet
@@ -105,11 +97,6 @@ def read_case(records: RecordSet, name: str, wait_min: float, options: Lives) ->
         After the alarm.
     options : Lives
         The paper's: lives, their range, the rule of the anomaly.
-
-    Raises
-    ------
-    TwingapError
-        When nothing can be simulated before the run ends.
     """
     own = records.select(lambda c: c.group == name)
     if own.bearing is None:
@@ -132,17 +119,11 @@ def _case(name: str, wait_min: float, root: str | None, config: str) -> Case:
 
 def diagnosed(wanted: Wanted, *, root: str | None, config: str) -> dict[str, Any]:
     """What the printed twin lacks, by records from the anomaly to now alone, as a row."""
-    from twingap.gap import diagnose
-
     case = _case(wanted.bearing, wanted.wait_min, root, config)
     signal = read_options(Path(config)).variants[PRINTED].signal
     asked = Asked("femto lives", SEEN, wanted.words, (wanted.bearing,), wanted.seed)
     real, sim = pair_of(asked, [case], signal)
-    try:
-        found = diagnose(real, modelled(signal), seed=asked.rng, sim=sim, quick=True)
-    except TwingapError as error:
-        return {"refused": str(error), "records": len(real)}
-    return row_of(found) | {"records": len(real)}
+    return row_of(asked, real, modelled(signal), sim)
 
 
 def trainings_of(case: Case, options: Lives, named: Added | None, size: Size) -> Iterator[Job]:
@@ -170,10 +151,7 @@ def wanted(work: Work) -> list[Wanted]:
 def cases(work: Work) -> dict[Wanted, Case]:
     """Runs as training sees them; why there is none of the others stands in ``work["refused"]``.
 
-    Raises
-    ------
-    TwingapError
-        When FEMTO's runs are not at hand, or none of them can be predicted.
+    Raises `TwingapError` when FEMTO's runs are not at hand, or none of them can be predicted.
     """
     records = load("femto", root_of(work))
     found: dict[Wanted, Case] = {}

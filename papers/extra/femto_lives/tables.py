@@ -8,7 +8,7 @@ from typing import Any, Final
 import numpy as np
 import pandas as pd
 
-from papers.extra.life_gap.tables import compared
+from papers.extra.life_gap.tables import compared, verdict
 from papers.framework import Work
 from papers.paper1_rul_varying_speed.cases import Case
 from papers.paper1_rul_varying_speed.job import Job
@@ -35,12 +35,7 @@ def twin_of(job: Job) -> str:
 
 
 def of_runs(asked: Sequence[tuple[str, float, Case | None, dict[str, Any] | None, str]]) -> pd.DataFrame:
-    """A row per run and wait: rows of anomaly, now and end, what the simulated lives alone are off by, the verdict.
-
-    Parameters
-    ----------
-    asked : sequence of (bearing, wait in min, case or None, diagnosis as a row or None, why there is no case)
-    """
+    """A row per run and wait: rows of anomaly, now and end, what the simulated lives alone are off by, the verdict."""
     rows = []
     for bearing, wait, case, told, why in asked:
         line: dict[str, Any] = {"data": "FEMTO", "bearing": bearing, "wait_min": wait}
@@ -53,26 +48,12 @@ def of_runs(asked: Sequence[tuple[str, float, Case | None, dict[str, Any] | None
             "lives_rmse_min": rmse(case.true_min, own), "lives_bias_min": float(np.mean(own - case.true_min)),
             "records": told["records"],
         }  # fmt: skip
-        if told["refused"]:
-            rows.append(line | {"verdict": told["refused"]})
-            continue
-        ends = told["closure_ci"] or (np.nan, np.nan)
-        rows.append(line | {
-            "verdict": told["status"], "p_value": told["p_value"], "effects": ", ".join(told["effects"]),
-            "gap_before": told["before"], "gap_after": told["after"], "floor": told["floor"],
-            "closure": np.nan if told["closure"] is None else told["closure"], "closure_low": ends[0],
-            "closure_high": ends[1],
-        })  # fmt: skip
+        rows.append(line | verdict(told))
     return pd.DataFrame(rows)
 
 
 def errors(results: Sequence[tuple[float, Job, dict[str, Any]]]) -> pd.DataFrame:
-    """RMSE (min) of every training; of the checkpoint chosen without labels, and of the one that labels would choose.
-
-    Parameters
-    ----------
-    results : sequence of (wait in min, job, what `train_and_judge` returned)
-    """
+    """RMSE (min) of every training: of the checkpoint chosen without labels, and of the one labels would choose."""
     return pd.DataFrame([
         {
             "data": "FEMTO", "bearing": job.bearing, "wait_min": wait, "twin": twin_of(job), "model": job.model,

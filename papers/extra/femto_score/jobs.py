@@ -20,16 +20,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from papers.extra.femto import rivals
+from papers.extra.femto.jobs import Features, at_least
 from papers.extra.femto_score.score import best_share
-from twingap.data import NotAtHandError, load
-from twingap.data.root import data_root
-from twingap.errors import TwingapError
+from twingap.data import load
 from twingap.prognosis.life_law import law_of, log_normal
 from twingap.prognosis.online import OnlineLife
 from twingap.prognosis.outcomes import LOAD_EXPONENT, Outcome, prior_from
 from twingap.prognosis.past_errors import PastIntervals
 from twingap.prognosis.prior import Prior, quantiles_of
-from twingap.provenance import digest_of_path, digest_of_value
+from twingap.provenance import digest_of_value
 from twingap.signal.envelope import envelope
 
 if TYPE_CHECKING:
@@ -75,13 +74,6 @@ class Options:
 
 
 @dataclass(frozen=True)
-class Bearing:
-    """Which run is measured."""
-
-    bearing: str
-
-
-@dataclass(frozen=True)
 class Growth:
     """Which run is followed by which indicator, with how many cuts."""
 
@@ -119,7 +111,7 @@ class Run:
         return self.life_s * self.speed_rpm / 60
 
 
-def measure(job: Bearing, *, root: str | Path | None) -> dict[str, Any]:
+def measure(job: Features, *, root: str | Path | None) -> dict[str, Any]:
     """Five indicators of every snapshot of a run, all positive and proportional to amplitude but for the distance.
 
     Spectral distance is the exponential of the root mean square, over 64 bands, of log amplitude relative to the first
@@ -353,31 +345,9 @@ def _learnt(job: Prediction, run: Run, others: dict[str, Run], cuts: list[int], 
     return np.array([times[place] for place in places])
 
 
-def at_hand(root: Path | None = None) -> bool:
-    """Whether the data root holds FEMTO's six learning runs."""
-    try:
-        return len(load("femto", root).groups) >= 6
-    except NotAtHandError:
-        return False
-
-
-def bearings(work: Work) -> list[Bearing]:
-    """The runs.
-
-    Raises
-    ------
-    TwingapError
-        When fewer than five are at hand.
-    """
-    names = load("femto", work.root).groups
-    if len(names) < 5:
-        raise TwingapError(f"{len(names)} FEMTO runs at hand, 5 or more needed", mend="see `twingap data list`")
-    return [Bearing(name) for name in names]
-
-
-def files(work: Work) -> Inputs:
-    """Where the snapshots lie, and the digest of all of them."""
-    return {"root": (work.root, digest_of_path(data_root(work.root) / "femto"))}
+def bearings(work: Work) -> list[Features]:
+    """The runs."""
+    return at_least(load("femto", work.root).groups, 5)
 
 
 def measured(work: Work) -> dict[str, Run]:

@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+from papers.extra.femto.jobs import at_hand, files
 from papers.extra.femto_score import jobs, tables
 from papers.framework import Step, Study
 
@@ -11,9 +12,9 @@ STUDY = Study(
     data="FEMTO",
     config=Path(__file__).with_name("config.toml"),
     options=jobs.Options,
-    at_hand=jobs.at_hand,
+    at_hand=lambda root: at_hand(root, 6),
     steps=(
-        Step("measure", jobs.measure, jobs.bearings, jobs.files),
+        Step("measure", jobs.measure, jobs.bearings, files),
         Step("runs", jobs.measured),
         Step("cuts", jobs.cuts_of),
         Step("follow", jobs.follow, jobs.growths, jobs.of_runs),

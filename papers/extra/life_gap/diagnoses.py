@@ -12,7 +12,7 @@ import zlib
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import numpy as np
 
@@ -25,9 +25,6 @@ from twingap.errors import TwingapError
 from twingap.prognosis.online import OnlineLife
 from twingap.records import Condition, Record, RecordSet
 from twingap.twins.twin_file import TwinSpec
-
-if TYPE_CHECKING:
-    from twingap.gap import Diagnosis
 
 HEALTHY, SEEN, LATER = "healthy", "anomaly to now", "after now"
 STAGES: Final = (HEALTHY, SEEN, LATER)
@@ -43,21 +40,11 @@ VARIANT: Final = "printed"
 
 @dataclass(frozen=True)
 class Asked:
-    """One diagnosis.
+    """One diagnosis."""
 
-    Parameters
-    ----------
-    data : {"rig", "femto"}
-    stage : str
-    speed : str
-        Key of `SPEEDS`, a FEMTO condition ("1" to "3"), or "all".
-    bearings : tuple of str
-    seed : int
-    """
-
-    data: str
+    data: str  # one of "rig", "femto"
     stage: str
-    speed: str
+    speed: str  # key of `SPEEDS`, a FEMTO condition ("1" to "3"), or "all"
     bearings: tuple[str, ...]
     seed: int
 
@@ -84,9 +71,10 @@ def stage_of(case: Case, stage: str) -> Snapshots:
 def pair_of(asked: Asked, cases: Sequence[Case], model: SignalModel) -> tuple[RecordSet, RecordSet]:
     """Measured records of a stage, and the twin's at their speeds and peaks to peak.
 
+    Raises `TwingapError` when fewer than two records are of this stage and speed.
+
     Parameters
     ----------
-    asked : Asked
     cases : sequence of Case
         Of its bearings.
     model : SignalModel
@@ -96,11 +84,6 @@ def pair_of(asked: Asked, cases: Sequence[Case], model: SignalModel) -> tuple[Re
     -------
     RecordSet, RecordSet
         Groups are bearings; of one bearing alone, each record is a group of its own.
-
-    Raises
-    ------
-    TwingapError
-        When fewer than two records are of this stage and speed.
     """
     rng = asked.rng
     real: list[Record] = []
@@ -163,8 +146,6 @@ def modelled(model: SignalModel) -> TwinSpec:
 
 def diagnosed(asked: Asked, *, root: str | None, config: str) -> dict[str, Any]:
     """One diagnosis as a row: verdict, effects with values, the gap before and after, where it lies."""
-    from twingap.gap import diagnose
-
     if asked.data == "femto":
         spec, real, sim = TwinSpec("phenomenological"), femto_records(asked, root), None
     else:
@@ -172,20 +153,23 @@ def diagnosed(asked: Asked, *, root: str | None, config: str) -> dict[str, Any]:
         signal = options.variants[VARIANT].signal
         real, sim = pair_of(asked, [_case(name, root, config) for name in asked.bearings], signal)
         spec = modelled(signal)
+    return row_of(asked, real, spec, sim)
+
+
+def row_of(asked: Asked, real: RecordSet, spec: TwinSpec, sim: RecordSet | None) -> dict[str, Any]:
+    """Diagnose; what a table and a training need of it."""
+    from twingap.gap import diagnose
+
     try:
         found = diagnose(real, spec, seed=asked.rng, sim=sim, quick=True)
     except TwingapError as error:
         return {"refused": str(error), "records": len(real)}
-    return row_of(found) | {"records": len(real)}
-
-
-def row_of(found: Diagnosis) -> dict[str, Any]:
-    """What a table and a training need of a diagnosis."""
     report, verdict = found.report, found.report.verdict
     after = found.explanation.after.effects if verdict.effects else ()
     first = report.metrics[0]
     return {
-        "refused": "", "status": verdict.status, "p_value": verdict.p_value, "effects": list(verdict.effects),
+        "refused": "", "records": len(real), "status": verdict.status, "p_value": verdict.p_value,
+        "effects": list(verdict.effects),
         "added": {e.name: e.parameter_values() for e in after if e.name in verdict.effects},
         "closure": verdict.closure, "closure_ci": list(verdict.closure_ci) if verdict.closure_ci else None,
         "metric": first.metric, "before": first.before, "after": first.after, "floor": first.floor,

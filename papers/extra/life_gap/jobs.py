@@ -18,16 +18,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from papers.extra.life_gap.diagnoses import (
-    AFTER_ALARM,
-    BEFORE_ALARM,
-    SEEN,
-    SPEEDS,
-    STAGES,
-    VARIANT,
-    Asked,
-    target_of,
-)
+from papers.extra.life_gap.diagnoses import AFTER_ALARM, BEFORE_ALARM, SEEN, SPEEDS, STAGES, VARIANT, Asked, target_of
 from papers.paper1_rul_varying_speed.cases import Case, read_case
 from papers.paper1_rul_varying_speed.job import Added, Job, train_and_judge
 from papers.paper1_rul_varying_speed.lives.options import Options as Lives

@@ -30,17 +30,21 @@ def verdicts(title: str, answers: Sequence[tuple[Asked, dict[str, Any]]]) -> pd.
             "bearings": asked.bearings[0] if len(asked.bearings) == 1 else f"{len(asked.bearings)} bearings",
             "stage": asked.stage, "speed": asked.speed, "records": row["records"],
         }  # fmt: skip
-        if row["refused"]:
-            rows.append(line | {"verdict": row["refused"]})
-            continue
-        ends = row["closure_ci"] or (np.nan, np.nan)
-        rows.append(line | {
-            "verdict": row["status"], "p_value": row["p_value"], "effects": ", ".join(row["effects"]),
-            "gap_before": row["before"], "gap_after": row["after"], "floor": row["floor"],
-            "closure": np.nan if row["closure"] is None else row["closure"], "closure_low": ends[0],
-            "closure_high": ends[1], "where": "; ".join(row["where"]),
-        })  # fmt: skip
+        rows.append(line | verdict(row) | ({} if row["refused"] else {"where": "; ".join(row["where"])}))
     return pd.DataFrame(rows)
+
+
+def verdict(row: dict[str, Any]) -> dict[str, Any]:
+    """Columns of a verdict; of a diagnosis that was refused, why."""
+    if row["refused"]:
+        return {"verdict": row["refused"]}
+    ends = row["closure_ci"] or (np.nan, np.nan)
+    return {
+        "verdict": row["status"], "p_value": row["p_value"], "effects": ", ".join(row["effects"]),
+        "gap_before": row["before"], "gap_after": row["after"], "floor": row["floor"],
+        "closure": np.nan if row["closure"] is None else row["closure"], "closure_low": ends[0],
+        "closure_high": ends[1],
+    }  # fmt: skip
 
 
 def errors(title: str, results: Sequence[tuple[Job, dict[str, Any]]]) -> pd.DataFrame:

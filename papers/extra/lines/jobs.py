@@ -61,25 +61,7 @@ class Options:
     profiles: dict[str, Size]
 
 
-@dataclass(frozen=True)
-class Reading:
-    """How lines are read: all that prominences depend on but the recording.
-
-    Parameters
-    ----------
-    bands : tuple of (float, float)
-        Demodulated, of the sampling rate.
-    harmonics : int
-    tolerance : float
-        Of a line's order.
-    """
-
-    bands: tuple[tuple[float, float], ...]
-    harmonics: int
-    tolerance: float
-
-
-def prominences(x: Array, fs_hz: float, turn_hz: float, bearing: Bearing, reading: Reading) -> Array:
+def prominences(x: Array, fs_hz: float, turn_hz: float, bearing: Bearing, options: Options) -> Array:
     """How far the line of each fault stands out in the squared-envelope spectrum of each band.
 
     Parameters
@@ -87,8 +69,6 @@ def prominences(x: Array, fs_hz: float, turn_hz: float, bearing: Bearing, readin
     x : Array [samples]
     fs_hz, turn_hz : float
         Sampling rate and rate of the shaft, Hz.
-    bearing : Bearing
-    reading : Reading
 
     Returns
     -------
@@ -96,11 +76,11 @@ def prominences(x: Array, fs_hz: float, turn_hz: float, bearing: Bearing, readin
         Over the spectrum's median around it; geometric mean over harmonics.
     """
     rows = []
-    for low, high in reading.bands:
+    for low, high in options.bands:
         hz, values = squared_envelope_spectrum(x, fs_hz, (low * fs_hz, high * fs_hz), window="hann")
         over = Spectrum(hz / turn_hz, values)
         each = [
-            lines_at(over, bearing.fault_order(fault), harmonics=reading.harmonics, tolerance=reading.tolerance)
+            lines_at(over, bearing.fault_order(fault), harmonics=options.harmonics, tolerance=options.tolerance)
             for fault in FAULTS
         ]
         rows.append([float(np.exp(np.log(lines.prominence).mean())) for lines in each])
@@ -116,7 +96,6 @@ def read(records: RecordSet, sensor: str, options: Options) -> pd.DataFrame:
         With a bearing.
     sensor : str
         What to call it.
-    options : Options
 
     Returns
     -------
@@ -125,12 +104,12 @@ def read(records: RecordSet, sensor: str, options: Options) -> pd.DataFrame:
     """
     if records.bearing is None:
         raise TwingapError(f"{records.name} names no bearing, and so no order of a fault")
-    reading, rows = Reading(options.bands, options.harmonics, options.tolerance), []
+    rows = []
     for i, about in enumerate(records.conditions):
         if about.fault not in (HEALTHY, *FAULTS) or about.n_samples < options.shortest_s * about.fs_hz:
             continue
         x = records[i].samples[: round(options.longest_s * about.fs_hz)]
-        found = prominences(x, about.fs_hz, about.speed_rpm / 60, records.bearing, reading)
+        found = prominences(x, about.fs_hz, about.speed_rpm / 60, records.bearing, options)
         largest = found.max(axis=0)
         own = FAULTS.index(about.fault) if about.fault in FAULTS else None
         rows.append({

@@ -31,23 +31,12 @@ ALONE, TOGETHER = "twingap rul", "twingap rul --prior"
 
 @dataclass(frozen=True)
 class Taken:
-    """A run with its estimates.
-
-    Parameters
-    ----------
-    estimates : tuple of Estimate [rows]
-    lived : Array [rows]
-        Revolutions since the first row.
-    life : OnlineLife
-        As it was after the last row.
-    alarm : (int, int) or None
-        Rows of the first alarm's onset and of that alarm, also of one that was taken back.
-    """
+    """A run with its estimates."""
 
     estimates: tuple[Estimate, ...]
-    lived: Array
-    life: OnlineLife
-    alarm: tuple[int, int] | None
+    lived: Array  # [rows] revolutions since the first row
+    life: OnlineLife  # as it was after the last row
+    alarm: tuple[int, int] | None  # rows of the first alarm's onset and of that alarm, also of one that was taken back
 
     def outcome(self, name: str) -> Outcome:
         """What it says of others, now that it has ended."""

@@ -63,38 +63,18 @@ class Options:
 
 @dataclass(frozen=True)
 class Population:
-    """Virtual machines of paper 2's twin: a job.
-
-    Parameters
-    ----------
-    data : str
-    kind : {"as printed", "gap closed"}
-    effects : tuple of Effect
-        That the twin has besides.
-    classes : tuple of str
-    speeds_rpm : tuple of float
-        Of the real recordings, which are known without labels.
-    fs_hz : float
-    bearing : Bearing
-    machines : int
-    pooled : tuple of int
-        Numbers of pieces that are averaged to one image.
-    level_db, structure : tuple of float
-        See config.toml.
-    image : ImageOptions
-    seed : int
-    """
+    """Virtual machines of paper 2's twin: a job."""
 
     data: str
-    kind: Kind
-    effects: tuple[Effect, ...]
+    kind: Kind  # one of "as printed", "gap closed"
+    effects: tuple[Effect, ...]  # that the twin has besides
     classes: tuple[str, ...]
-    speeds_rpm: tuple[float, ...]
+    speeds_rpm: tuple[float, ...]  # of the real recordings, which are known without labels
     fs_hz: float
     bearing: Bearing
     machines: int
-    pooled: tuple[int, ...]
-    level_db: tuple[float, float]
+    pooled: tuple[int, ...]  # numbers of pieces that are averaged to one image
+    level_db: tuple[float, float]  # level_db, structure: see config.toml
     structure: tuple[float, float]
     image: ImageOptions
     seed: int

@@ -117,15 +117,7 @@ def rows(work: Work) -> list[dict[str, Any]]:
 def with_true_lives(case: Case, options: Adaptation) -> Case:
     """The case with lives of the rate of growth with which their mean is nearest to the truth: an oracle's.
 
-    Parameters
-    ----------
-    case : Case
-    options : Adaptation
-
-    Raises
-    ------
-    TwingapError
-        When no rate gives lives that end after now.
+    Raises `TwingapError` when no rate gives lives that end after now.
     """
     twin = case.known.twin
     seen = case.run.until(twin.now_row)

@@ -7,9 +7,10 @@ of a bearing (3 and 4, 5 and 10, 6 and 12), one is drawn here, of a bearing.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import numpy as np
+import pandas as pd
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import FancyBboxPatch
@@ -20,14 +21,10 @@ from papers.paper1_rul_varying_speed.lives.options import Options
 from papers.paper1_rul_varying_speed.lives.results import CaseResult
 from papers.paper1_rul_varying_speed.lives.tables import LIVES, layers
 from papers.paper1_rul_varying_speed.lives.tables import errors as errors_of
-from papers.paper1_rul_varying_speed.lives.tables import frame as frame_of
 from papers.paper1_rul_varying_speed.methods.architecture import LifeArchitecture
 from papers.paper1_rul_varying_speed.methods.metrics import rmse
 from papers.paper1_rul_varying_speed.methods.simulated_lives import Snapshots
 from twingap.signal.envelope import squared_envelope_spectrum
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 COLOURS: Final = {
     "CNN": "#E69F00", "DANN": "#CC79A7", "Proposed model 1": "#56B4E9", "Proposed model 2": "#009E73",
@@ -63,7 +60,7 @@ def all_figures(work: Work) -> Iterator[tuple[str, Figure]]:
             if "embedding" in result.trainings[0].value:
                 yield f"figure13-{name}-tsne-{twin}", embedding(result, about)
             yield f"figure14-{name}-{twin}", predicted(result, about)
-        yield f"table5-{twin}", table5(frame_of(errors_of(own, options, data)))
+        yield f"table5-{twin}", table5(pd.DataFrame(errors_of(own, options, data)))
 
 
 def speed(result: CaseResult, options: Options, data: str) -> Figure:
@@ -173,7 +170,6 @@ def network(own: LifeArchitecture, model: str) -> Figure:
 
     Parameters
     ----------
-    own : LifeArchitecture
     model : str
         Name of the model, as in table 5.
     """

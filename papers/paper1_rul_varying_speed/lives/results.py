@@ -13,20 +13,11 @@ from twingap.sweep import Result
 
 @dataclass(frozen=True)
 class CaseResult:
-    """All that came out of one run with one twin.
-
-    Parameters
-    ----------
-    case : Case
-    variant : str
-        Of the twin.
-    trainings : list[Result[Job]]
-        In the order seed, model.
-    """
+    """All that came out of one run with one twin."""
 
     case: Case
-    variant: str
-    trainings: list[Result[Job]]
+    variant: str  # of the twin
+    trainings: list[Result[Job]]  # in the order seed, model
 
     def of(self, model: str) -> list[Result[Job]]:
         """The trainings of one model, seeds in order."""

@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 
 from papers.framework import Work
+from papers.intervals import intervals, std
 from papers.paper1_rul_varying_speed.cases import Array
 from papers.paper1_rul_varying_speed.lives.options import Options
 from papers.paper1_rul_varying_speed.lives.results import CaseResult
@@ -17,7 +18,6 @@ from papers.paper1_rul_varying_speed.methods.architecture import LifeArchitectur
 from papers.paper1_rul_varying_speed.methods.critical_length import critical_length
 from papers.paper1_rul_varying_speed.methods.metrics import cumulative_relative_accuracy, rmse, within_alpha
 from papers.paper1_rul_varying_speed.models import MODELS
-from twingap.adapt.evaluate import t_interval
 
 PUBLISHED: Final = MappingProxyType({
     "A148": (6.6, 7.8, 7.3, 5.7, 5.8),
@@ -41,15 +41,11 @@ def all_tables(work: Work) -> dict[str, pd.DataFrame]:
     results, options, title = work["results"], work.options, work.title
     rows = errors(results, options, title)
     return {
-        "errors": frame(rows),
-        "table5": table5(rows, title),
-        "comparison": comparison(results, options, title),
-        "gap": gap(rows, title),
-        "runs": runs([r for r in results if r.variant == results[0].variant], title),
-        "network": network(results, options, title),
-        "selection": selection(results, title),
+        "errors": pd.DataFrame(rows), "table5": table5(rows, title), "comparison": comparison(results, options, title),
+        "gap": gap(rows, title), "runs": runs([r for r in results if r.variant == results[0].variant], title),
+        "network": network(results, options, title), "selection": selection(results, title),
         "predictions": predictions(results, title),
-    }
+    }  # fmt: skip
 
 
 def reaction(predicted_min: Array, speed_rpm: Array) -> float:
@@ -81,9 +77,7 @@ def _row(
         "data": data, "twin": result.variant, "bearing": case.name, "model": model, "seeds": len(errors),
         "rmse_min": float(np.mean(errors)), "std": std(errors),
     }  # fmt: skip
-    for level in options.judging.levels:
-        low, high = t_interval(errors, level)
-        row[f"low_{100 * level:.0f}"], row[f"high_{100 * level:.0f}"] = max(low, 0.0), high
+    row |= intervals(errors, options.judging.levels, lowest=0.0)
     alpha = options.judging.alpha
     row["rmse_later_min"] = float(np.mean(after))
     row["bias_min"] = float(np.mean([np.mean(p - true) for p in predictions]))
@@ -119,20 +113,10 @@ def errors(results: Sequence[CaseResult], options: Options, data: str) -> list[d
     return rows
 
 
-def std(values: Sequence[float]) -> float:
-    """Standard deviation over seeds (n - 1); NaN for fewer than two."""
-    return float(np.std(values, ddof=1)) if len(values) > 1 else float("nan")
-
-
-def frame(rows: Sequence[dict[str, Any]]) -> pd.DataFrame:
-    """Rows as a table; what a row lacks is empty."""
-    return pd.DataFrame(list(rows))
-
-
 def table5(rows: Sequence[dict[str, Any]], data: str) -> pd.DataFrame:
     """RMSE in minutes, a line per run and a column per model, mean +- std over seeds; the paper's mean in brackets."""
     made = []
-    for twin, table in frame(rows).groupby("twin", sort=False):
+    for twin, table in pd.DataFrame(rows).groupby("twin", sort=False):
         for bearing, own in table.groupby("bearing", sort=False):
             line: dict[str, Any] = {"data": data, "twin": twin, "bearing": bearing}
             for row in own.to_dict("records"):
@@ -152,7 +136,7 @@ def table5(rows: Sequence[dict[str, Any]], data: str) -> pd.DataFrame:
 
 def gap(rows: Sequence[dict[str, Any]], data: str) -> pd.DataFrame:
     """Mean RMSE over runs by model, a column per twin: before and after the gap between twin and run was closed."""
-    table = frame([r for r in rows if r["model"] != LIVES])
+    table = pd.DataFrame([r for r in rows if r["model"] != LIVES])
     wide = table.pivot_table("rmse_min", "model", "twin", aggfunc="mean", sort=False)
     wide.columns = [f"rmse_min, {twin} twin" for twin in wide.columns]
     if wide.shape[1] == 2:
@@ -183,8 +167,7 @@ def _compared(
     ratios = of[model].mean(axis=0) / of[over].mean(axis=0)
     won = int(np.sum(of[model].mean(axis=1) < of[over].mean(axis=1)))
     row: dict[str, Any] = {"data": data, "twin": twin, "model": model, "over": over, "ratio": float(ratios.mean())}
-    for level in options.judging.levels:
-        row[f"low_{100 * level:.0f}"], row[f"high_{100 * level:.0f}"] = t_interval(list(ratios), level)
+    row |= intervals(ratios, options.judging.levels)
     row |= {"runs_won": won, "runs": len(results), "seeds": ratios.size}
     if model == FULL:
         row["target"] = f"every run won{f', ratio at most {TARGET_RATIO}' if over == 'CNN' else ''}"

@@ -31,78 +31,36 @@ class NoLifeError(TwingapError):
 
 @dataclass(frozen=True)
 class Adaptation:
-    """How a run is read.
+    """How a run is read."""
 
-    Parameters
-    ----------
-    reference_min : float
-        Length of the healthy beginning [t0, t1], min; a whole number of periods of the speed profile serves best.
-    after_alarm_min : float
-        Measurements after the alarm that are waited for before damage is fitted: 10 in the paper.
-    limit : float
-        Peak to peak at which a life ends, unit of the records: 15 g in the paper.
-    level : {"one", "free"}
-        Of the damage curve at K_anomaly, see `fit_damage`; "one" as printed.
-    lives : int
-        Simulated for training: 6 in the paper.
-    held_out_lives : int
-        Simulated at rates between those, to choose a checkpoint by.
-    simulation_range_min : float
-        Greatest difference between two simulated ends: 40 in the paper.
-    horizon_min : float
-        Longest life after K_anomaly that is thought possible.
-    mode_records : int
-        Healthy records from which the mode is read, evenly spread over the beginning.
-    lowest_mode_hz : float
-        The mode is sought above it, Hz.
-    rule : AnomalyRule
-    """
-
+    # length of the healthy beginning [t0, t1], min; a whole number of periods of the speed profile serves best
     reference_min: float = 40.0
+    # measurements after the alarm that are waited for before damage is fitted: 10 in the paper
     after_alarm_min: float = 10.0
-    limit: float = 15.0
+    limit: float = 15.0  # peak to peak at which a life ends, unit of the records: 15 g in the paper
+    # "one", "free": of the damage curve at K_anomaly, see `fit_damage`; "one" as printed.
     level: Literal["one", "free"] = "one"
-    lives: int = 6
-    held_out_lives: int = 2
-    simulation_range_min: float = 40.0
-    horizon_min: float = 240.0
-    mode_records: int = 44
-    lowest_mode_hz: float = 0.0
+    lives: int = 6  # simulated for training: 6 in the paper
+    held_out_lives: int = 2  # simulated at rates between those, to choose a checkpoint by
+    simulation_range_min: float = 40.0  # greatest difference between two simulated ends: 40 in the paper
+    horizon_min: float = 240.0  # longest life after K_anomaly that is thought possible
+    mode_records: int = 44  # healthy records from which the mode is read, evenly spread over the beginning
+    lowest_mode_hz: float = 0.0  # the mode is sought above it, Hz
     rule: AnomalyRule = field(default_factory=AnomalyRule)
 
 
 @dataclass(frozen=True)
 class AdaptiveTwin:
-    """One bearing's twin at one moment.
+    """One bearing's twin at one moment."""
 
-    Parameters
-    ----------
-    mode : HealthyFit
-        Resonance and damping, eq. 8, and the two noises of healthy records.
-    influence : SpeedInfluence
-        S, eqs. 9 and 10.
-    anomaly : Anomaly
-        With its limit; found.
-    damage : DamageFit
-        D, eq. 12.
-    lives : tuple of Trajectory
-        For training, shortest first.
-    held_out : tuple of Trajectory
-        Between them, for the choice of a checkpoint.
-    period_rows : int
-        Of the speed profile: what was taken to come after now repeats it.
-    now_row : int
-        Last row that was used.
-    """
-
-    mode: HealthyFit
-    influence: SpeedInfluence
-    anomaly: Anomaly
-    damage: DamageFit
-    lives: tuple[Trajectory, ...]
-    held_out: tuple[Trajectory, ...]
-    period_rows: int
-    now_row: int
+    mode: HealthyFit  # Resonance and damping, eq. 8, and the two noises of healthy records.
+    influence: SpeedInfluence  # S, eqs. 9 and 10.
+    anomaly: Anomaly  # with its limit; found
+    damage: DamageFit  # D, eq. 12.
+    lives: tuple[Trajectory, ...]  # for training, shortest first
+    held_out: tuple[Trajectory, ...]  # between them, for the choice of a checkpoint
+    period_rows: int  # of the speed profile: what was taken to come after now repeats it
+    now_row: int  # last row that was used
 
     @property
     def onset_row(self) -> int:
@@ -114,10 +72,7 @@ class AdaptiveTwin:
 def find_anomaly(run: Run, options: Adaptation) -> tuple[SpeedInfluence, Array, Anomaly]:
     """S from the healthy beginning, normalised peak to peak [rows], and the first anomaly if there is one.
 
-    Raises
-    ------
-    TwingapError
-        When the beginning is too short.
+    Raises `TwingapError` when the beginning is too short.
     """
     healthy = run.rows_in(options.reference_min)
     influence = fit_speed_influence(run.peak_to_peak[:healthy], run.speed_rpm[:healthy])
@@ -135,22 +90,14 @@ def read_mode(records: RecordSet, run: Run, options: Adaptation) -> HealthyFit:
 def adapt(run: Run, mode: HealthyFit, options: Adaptation | None = None) -> AdaptiveTwin:
     """Read a run up to its last row, which is now.
 
+    Raises `TwingapError` when there is no anomaly yet, no growth, or no life that could follow; the message says which.
+
     Parameters
     ----------
     run : Run
         Up to now (`Run.until`).
     mode : HealthyFit
         From `read_mode`, which may have been done once for all moments.
-    options : Adaptation
-
-    Returns
-    -------
-    AdaptiveTwin
-
-    Raises
-    ------
-    TwingapError
-        When there is no anomaly yet, no growth, or no life that could follow; the message says which.
     """
     options = options or Adaptation()
     influence, normalised, anomaly = find_anomaly(run, options)
@@ -167,14 +114,14 @@ def lives_that_may_follow(
 ) -> tuple[tuple[Trajectory, ...], tuple[Trajectory, ...], int]:
     """Lives about the end that a rate of growth foretells.
 
+    Raises `TwingapError` when no life could follow.
+
     Parameters
     ----------
     run : Run
         Up to now: none of them ends before.
-    influence : SpeedInfluence
     damage : DamageFit
         In rows.
-    options : Adaptation
 
     Returns
     -------
@@ -182,11 +129,6 @@ def lives_that_may_follow(
         Shortest first; those held out lie between the others.
     period_rows : int
         Of the speed profile, which is taken to go on as it was.
-
-    Raises
-    ------
-    TwingapError
-        When no life could follow.
     """
     now, onset = run.time_s.size - 1, round(damage.onset)
     # The period is read where the machine still ran as usual; at least as many rows as it needs are there.
@@ -215,21 +157,15 @@ def adapt_when_possible(
     That is `after_alarm_min` after the alarm where damage has been seen to grow by then and lives may follow; else a
     minute later, and so on. Each attempt is handed the rows up to its own moment and no other.
 
+    Raises `NoLifeError` when the run is over before an attempt succeeds. Raises `TwingapError` when there is no
+    anomaly.
+
     Parameters
     ----------
     run : Run
         Rows after the returned twin's `now_row` are not used.
-    mode : HealthyFit
-    options : Adaptation
     note : callable
         Called with the reason of each failed attempt.
-
-    Raises
-    ------
-    NoLifeError
-        When the run is over before an attempt succeeds.
-    TwingapError
-        When there is no anomaly.
     """
     _, _, anomaly = find_anomaly(run, options)
     if anomaly.alarm_row is None:

@@ -18,36 +18,21 @@ PRINTED_STRIDES = (16, 8)
 
 @dataclass(frozen=True)
 class LifeArchitecture:
-    """Which parts the network has, and their sizes.
+    """Which parts the network has, and their sizes."""
 
-    Parameters
-    ----------
-    sequence, speed : bool
-        Whether the record's place in the run, and its speed, are inputs.
-    adversarial : bool
-        Whether a discriminator with gradient reversal takes part.
-    length : int
-        Samples of a record.
-    d_model : int
-        Length of each encoding.
-    filters, kernels, strides, pools : tuple of two int
-        Of the two convolutions, and of the max-pool after each (its width and stride). Table 1 prints a second stride
-        of 8, which leaves 32 features of 25,000 samples where the text says 112; a stride of 3, the default here,
-        leaves 112 (so does 6 with a last pool of 4). PRINTED_STRIDES are table 1 to the letter.
-    reversal : float
-        lambda: weight of the reversed gradient.
-    """
-
-    sequence: bool = True
+    sequence: bool = True  # sequence, speed: whether the record's place in the run, and its speed, are inputs
     speed: bool = True
-    adversarial: bool = True
-    length: int = LENGTH
-    d_model: int = D_MODEL
+    adversarial: bool = True  # whether a discriminator with gradient reversal takes part
+    length: int = LENGTH  # samples of a record
+    d_model: int = D_MODEL  # length of each encoding
+    # filters, kernels, strides, pools: of the two convolutions, and of the max-pool after each (its width and stride).
+    # Table 1 prints a second stride of 8, which leaves 32 features of 25,000 samples where the text says 112; a stride
+    # of 3, the default here, leaves 112 (so does 6 with a last pool of 4). PRINTED_STRIDES are table 1 to the letter.
     filters: tuple[int, int] = (4, 16)
     kernels: tuple[int, int] = (128, 16)
     strides: tuple[int, int] = (16, 3)
     pools: tuple[int, int] = (8, 8)
-    reversal: float = 0.1
+    reversal: float = 0.1  # lambda: weight of the reversed gradient
 
     @property
     def features(self) -> int:

@@ -14,12 +14,12 @@ from twingap.errors import TwingapError
 def critical_length(bearing: Bearing, lowest_speed_rpm: float, fs_hz: float, impacts: int = 1) -> int:
     """L_c = F_s / BSF, eq. 16 of paper 1, for one impact of a ball defect or several.
 
+    Raises `TwingapError` when the speed, the rate or the number is not positive.
+
     Parameters
     ----------
-    bearing : Bearing
     lowest_speed_rpm : float
         The lowest at which the machine runs: strokes are rarest there.
-    fs_hz : float
     impacts : int
         To be covered.
 
@@ -27,11 +27,6 @@ def critical_length(bearing: Bearing, lowest_speed_rpm: float, fs_hz: float, imp
     -------
     int
         Samples, rounded up.
-
-    Raises
-    ------
-    TwingapError
-        When the speed, the rate or the number is not positive.
 
     Notes
     -----

@@ -28,27 +28,13 @@ LARGEST_EXPONENT = 50.0
 
 @dataclass(frozen=True)
 class DamageFit:
-    """D(k) of eq. 12 for one run.
+    """D(k) of eq. 12 for one run."""
 
-    Parameters
-    ----------
-    rate : float
-        a, per row (or per unit of the k that was given). Not above 0: no growth was seen.
-    rate_error : float
-        Its standard error from the scatter about the curve; NaN for a single row.
-    onset : float
-        K_anomaly.
-    level : float
-        Normalised amplitude at the onset: 1 by eq. 12.
-    rows : int
-        Rows behind it.
-    """
-
-    rate: float
-    rate_error: float
-    onset: float
-    level: float
-    rows: int
+    rate: float  # a, per row (or per unit of the k that was given). Not above 0: no growth was seen.
+    rate_error: float  # its standard error from the scatter about the curve; NaN for a single row
+    onset: float  # K_anomaly
+    level: float  # Normalised amplitude at the onset: 1 by eq. 12.
+    rows: int  # rows behind it
 
     def damage(self, k: ArrayLike) -> Array:
         """level D(k) at rows [...]."""
@@ -81,13 +67,14 @@ def fit_damage(
 ) -> DamageFit:
     """Fit a of eq. 12 to normalised peak to peak after the anomaly.
 
+    Raises `TwingapError` when too few rows follow the onset.
+
     Parameters
     ----------
     k : array_like [rows]
         Rows or times. Those not after `onset`, and NaN amplitudes (a stopped machine), are left out.
     normalised : array_like [rows]
         P_N of eq. 11, positive.
-    onset : float
     level : {"one", "free"}
         "one": D(K_anomaly) = 1 as printed. "free": a factor is fitted too, for damage that begins with a jump or was
         found late: where K_anomaly comes from `detect_anomaly`, which cannot see growth below the scatter, "one" takes
@@ -99,11 +86,6 @@ def fit_damage(
     DamageFit
         By least squares of the logarithm: peak to peak scatters in proportion to itself, and the last rows, which
         scatter most, would decide otherwise.
-
-    Raises
-    ------
-    TwingapError
-        When too few rows follow the onset.
     """
     place, x = np.asarray(k, float) - onset, np.asarray(normalised, float)
     kept = (place > 0) & np.isfinite(x) & (np.where(np.isfinite(x), x, 0) > 0)
@@ -139,30 +121,14 @@ def end_row(peak_to_peak: ArrayLike, limit: float) -> int | None:
 
 @dataclass(frozen=True)
 class Trajectory:
-    """One simulated life from the anomaly to its end.
+    """One simulated life from the anomaly to its end."""
 
-    Parameters
-    ----------
-    rate : float
-        a of eq. 12, per row.
-    onset_row : int
-        K_anomaly.
-    dt_s : float
-        Time from row to row.
-    speed_rpm : Array [rows]
-        Row 0 is K_anomaly, the last row the end of life.
-    speed_gain : Array [rows]
-        S(k) of eq. 10, unit of the amplitude.
-    growth : Array [rows]
-        D(k) of eq. 12, with the fit's level.
-    """
-
-    rate: float
-    onset_row: int
-    dt_s: float
-    speed_rpm: Array
-    speed_gain: Array
-    growth: Array
+    rate: float  # a of eq. 12, per row.
+    onset_row: int  # K_anomaly
+    dt_s: float  # time from row to row
+    speed_rpm: Array  # [rows] row 0 is K_anomaly, the last row the end of life
+    speed_gain: Array  # [rows] S(k) of eq. 10, unit of the amplitude.
+    growth: Array  # [rows] D(k) of eq. 12, with the fit's level.
 
     @property
     def end_row(self) -> int:
@@ -198,11 +164,12 @@ def trajectories(
 ) -> list[Trajectory]:
     """Lives whose ends lie within the Simulation range about the end that the fitted rate foretells.
 
+    Raises `TwingapError` when no growth was seen, or no life ends within the profile or the range.
+
     Parameters
     ----------
     fit : DamageFit
         In rows.
-    influence : SpeedInfluence
     speed_rpm : array_like [rows]
         Speed profile from K_anomaly on: seen, then planned. Long enough for the latest end.
     dt_s : float
@@ -221,11 +188,6 @@ def trajectories(
     list of Trajectory
         Shortest life first, each of another rate. Peak to peak passes the limit at fast rows before it does at slow
         ones, so ends come only at some rows: two lives may share one, and ends are only about evenly spaced.
-
-    Raises
-    ------
-    TwingapError
-        When no growth was seen, or no life ends within the profile or the range.
     """
     speed = np.asarray(speed_rpm, float)
     onset = round(fit.onset)

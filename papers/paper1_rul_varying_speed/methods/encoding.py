@@ -23,6 +23,8 @@ D_MODEL = 24
 def positional_encoding(position: ArrayLike, d_model: int = D_MODEL) -> Array:
     """PE(pos, 2i) = sin(pos / 10000^(2i / d_model)), PE(pos, 2i + 1) = cos of the same: eq. 13.
 
+    Raises `TwingapError` for an odd length.
+
     Parameters
     ----------
     position : array_like [...]
@@ -33,11 +35,6 @@ def positional_encoding(position: ArrayLike, d_model: int = D_MODEL) -> Array:
     Returns
     -------
     Array [..., d_model]
-
-    Raises
-    ------
-    TwingapError
-        For an odd length.
     """
     if d_model < 2 or d_model % 2:
         raise TwingapError(f"d_model = {d_model}, an even number of at least 2 expected", where="encoding")
@@ -53,33 +50,19 @@ def sequence_position(row: ArrayLike, onset_row: int) -> Array:
     return np.asarray(row, float) - onset_row
 
 
-def speed_position(speed_rpm: ArrayLike, speeds_rpm: ArrayLike, *, between: bool = False) -> Array:
-    """Position of a speed among the operating speeds: 1 for the lowest.
+def speed_position(speed_rpm: ArrayLike, speeds_rpm: ArrayLike) -> Array:
+    """Position of a speed among the operating speeds: 1 for the lowest, an integer as in the paper: the nearest's.
+
+    Raises `TwingapError` when the operating speeds do not increase.
 
     Parameters
     ----------
     speed_rpm : array_like [...]
     speeds_rpm : array_like [speeds]
         The operating speeds, increasing; the same for simulated and real rows.
-    between : bool
-        Whether a speed between two operating speeds gets a fraction between their positions. The paper's positions are
-        integers: without it, the nearest speed's.
-
-    Returns
-    -------
-    Array [...]
-        From 1 to the number of operating speeds.
-
-    Raises
-    ------
-    TwingapError
-        When the operating speeds do not increase.
     """
     speed, known = np.asarray(speed_rpm, float), np.asarray(speeds_rpm, float)
     if known.ndim != 1 or known.size == 0 or (np.diff(known) <= 0).any():
         raise TwingapError("increasing speeds expected", where="operating speeds")
-    place: Array = np.interp(speed, known, np.arange(1.0, known.size + 1))
-    if between:
-        return place
     middles = (known[1:] + known[:-1]) / 2
     return np.asarray(np.searchsorted(middles, speed, side="right"), float) + 1.0

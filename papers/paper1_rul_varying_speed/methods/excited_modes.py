@@ -35,7 +35,6 @@ def excess_spectrum(
     ----------
     faulty, healthy : Samples [records, samples]
     faulty_rpm, healthy_rpm : Array [records]
-    fs_hz : float
 
     Returns
     -------
@@ -57,12 +56,13 @@ def excited_modes(
 ) -> tuple[Mode, ...]:
     """The modes that impacts ring most strongly.
 
+    Raises `TwingapError` when nothing stands out of the healthy spectrum.
+
     Parameters
     ----------
     faulty, healthy : Samples [records, samples]
         After K_anomaly and up to now; of the healthy beginning.
     faulty_rpm, healthy_rpm : Array [records]
-    fs_hz : float
     count : int
         At most so many.
 
@@ -70,11 +70,6 @@ def excited_modes(
     -------
     tuple of Mode
         Strongest first, whose gain is 1. Damping is read off the width at half power, the window's own taken out.
-
-    Raises
-    ------
-    TwingapError
-        When nothing stands out of the healthy spectrum.
     """
     f_hz, psd = excess_spectrum(faulty, faulty_rpm, healthy, healthy_rpm, fs_hz)
     step = float(f_hz[1])

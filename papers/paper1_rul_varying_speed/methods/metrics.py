@@ -50,20 +50,11 @@ def relative_accuracy(true: ArrayLike, predicted: ArrayLike) -> Array:
     return np.where(alive, 1 - np.abs(t - p) / np.where(alive, t, 1.0), np.nan)
 
 
-def cumulative_relative_accuracy(true: ArrayLike, predicted: ArrayLike, weights: ArrayLike | None = None) -> float:
-    """Weighted mean of `relative_accuracy` over rows that have one; NaN without any.
-
-    Parameters
-    ----------
-    true, predicted : array_like [rows]
-    weights : array_like [rows], optional
-        Equal when absent: the source leaves them open.
-    """
+def cumulative_relative_accuracy(true: ArrayLike, predicted: ArrayLike) -> float:
+    """Mean of `relative_accuracy` over rows that have one, all weighing the same; NaN without any."""
     each = relative_accuracy(true, predicted)
-    kept = np.isfinite(each)
-    w = np.ones(each.shape) if weights is None else np.asarray(weights, float)
-    total = float(w[kept].sum())
-    return float((w[kept] * each[kept]).sum() / total) if total > 0 else float("nan")
+    kept = each[np.isfinite(each)]
+    return float(kept.mean()) if kept.size else float("nan")
 
 
 def within_alpha(true: ArrayLike, predicted: ArrayLike, alpha: float = 0.2) -> NDArray[np.bool_]:
@@ -94,7 +85,6 @@ def alpha_lambda(true: ArrayLike, predicted: ArrayLike, lam: float = 0.5, alpha:
         From the first prediction t_P on: rows before the first finite prediction are left out.
     lam : float
         0 at t_P, 1 at the end of life.
-    alpha : float
 
     Returns
     -------
@@ -113,33 +103,26 @@ def alpha_lambda(true: ArrayLike, predicted: ArrayLike, lam: float = 0.5, alpha:
     return bool(within_alpha(t, p, alpha)[row])
 
 
-def prognostic_horizon(
-    true: ArrayLike, predicted: ArrayLike, life: float, alpha: float = 0.1, *, lasting: bool = True
-) -> float:
-    """How long before its end a life was first foretold within alpha of its length (Saxena et al. 2010).
+def prognostic_horizon(true: ArrayLike, predicted: ArrayLike, life: float, alpha: float = 0.1) -> float:
+    """How long before its end a life was foretold for good within alpha of its length (Saxena et al. 2010).
 
     Parameters
     ----------
     true, predicted : array_like [rows]
     life : float
         t_EoL, unit of remaining life: the bounds are true -+ alpha t_EoL, the same in every row.
-    alpha : float
-    lasting : bool
-        Whether all later rows must lie within the bounds as well. The source asks for the first row alone, which one
-        lucky prediction satisfies; False is that.
 
     Returns
     -------
     float
-        Remaining life at that row; 0 when there is none.
+        Remaining life at the first row from which on all lie within the bounds; 0 when there is none. The source asks
+        for that row alone, which one lucky prediction satisfies.
     """
     t, p = _pair(true, predicted)
     _positive(alpha, "alpha")
     _positive(life, "life")
-    good = np.abs(p - t) <= alpha * life
-    if lasting:
-        good = np.logical_and.accumulate(good[::-1])[::-1]
-    first = np.flatnonzero(good)
+    lasting = np.logical_and.accumulate((np.abs(p - t) <= alpha * life)[::-1])[::-1]
+    first = np.flatnonzero(lasting)
     return float(t[first[0]]) if first.size else 0.0
 
 

@@ -21,14 +21,7 @@ from twingap.errors import TwingapError
 class LifeNetwork(nn.Module):
     """Feature extractor, regressor and (adversarial only) discriminator of paper 1.
 
-    Parameters
-    ----------
-    architecture : LifeArchitecture
-
-    Raises
-    ------
-    TwingapError
-        When records are too short to leave a feature.
+    Raises `TwingapError` when records are too short to leave a feature.
 
     Notes
     -----
@@ -98,10 +91,7 @@ class LifeNetwork(nn.Module):
     def domain(self, joined: Tensor) -> Tensor:
         """Logits [batch] of "this is a real record", behind the gradient reversal; table 2's sigmoid is in the loss.
 
-        Raises
-        ------
-        TwingapError
-            For a network without discriminator.
+        Raises `TwingapError` for a network without discriminator.
         """
         if self.discriminator is None:
             raise TwingapError("this network has no discriminator", where="network", mend="choose an adversarial model")

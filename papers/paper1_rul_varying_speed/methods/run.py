@@ -24,20 +24,12 @@ ALIKE = 0.9
 class Run:
     """Rows of one run in order of time.
 
-    Parameters
-    ----------
-    time_s, speed_rpm, peak_to_peak : Array [rows]
-        Since the start; mean over the record; of the record's samples, in the unit of its set.
-
-    Raises
-    ------
-    TwingapError
-        When the columns differ in length, or time does not increase.
+    Raises `TwingapError` when the columns differ in length, or time does not increase.
     """
 
-    time_s: Array
-    speed_rpm: Array
-    peak_to_peak: Array
+    time_s: Array  # [rows] since the start
+    speed_rpm: Array  # [rows] mean over the record
+    peak_to_peak: Array  # [rows] of the record's samples, in the unit of its set
 
     def __post_init__(self) -> None:
         sizes = {self.time_s.shape, self.speed_rpm.shape, self.peak_to_peak.shape}
@@ -66,15 +58,12 @@ class Run:
 def read_run(records: RecordSet) -> Run:
     """Rows of a run from its records, one at a time in memory.
 
+    Raises `TwingapError` when a record has no time.
+
     Parameters
     ----------
     records : RecordSet
         Of one bearing, in order of time, each with `time_s`.
-
-    Raises
-    ------
-    TwingapError
-        When a record has no time.
     """
     for condition in records.conditions:
         if condition.time_s is None:
@@ -86,14 +75,13 @@ def read_run(records: RecordSet) -> Run:
     )
 
 
-def period_rows(speed_rpm: ArrayLike, same_speed: float = SAME_SPEED) -> int:
+def period_rows(speed_rpm: ArrayLike) -> int:
     """Rows after which a speed profile repeats itself.
 
     Parameters
     ----------
     speed_rpm : array_like [rows]
-    same_speed : float
-        Speeds within this relative distance are equal.
+        Those within a relative distance of `SAME_SPEED` are equal.
 
     Returns
     -------
@@ -103,7 +91,7 @@ def period_rows(speed_rpm: ArrayLike, same_speed: float = SAME_SPEED) -> int:
     """
     speed = np.asarray(speed_rpm, float)
     low, high = float(speed.min()), float(speed.max())
-    if high <= low * (1 + same_speed):
+    if high <= low * (1 + SAME_SPEED):
         return 1
     # A period spans the speeds: without that, steps held for long would agree with themselves a row later.
     found, best = 0, ALIKE
@@ -111,9 +99,9 @@ def period_rows(speed_rpm: ArrayLike, same_speed: float = SAME_SPEED) -> int:
         if found and lag > 1.25 * found:
             break
         last = speed[-lag:]
-        if last.min() > low * (1 + same_speed) or last.max() < high * (1 - same_speed):
+        if last.min() > low * (1 + SAME_SPEED) or last.max() < high * (1 - SAME_SPEED):
             continue
-        alike = float(np.mean(np.abs(speed[lag:] - speed[:-lag]) <= same_speed * speed[lag:]))
+        alike = float(np.mean(np.abs(speed[lag:] - speed[:-lag]) <= SAME_SPEED * speed[lag:]))
         # Long steps agree nearly as well a few rows too early: on to the top of the hill.
         if alike > best or (not found and alike >= ALIKE):
             found, best = lag, alike

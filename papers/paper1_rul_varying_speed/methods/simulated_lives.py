@@ -37,26 +37,13 @@ CHUNK = 128
 
 @dataclass(frozen=True)
 class Snapshots:
-    """Records of one or several lives, as a network is shown them.
+    """Records of one or several lives, as a network is shown them."""
 
-    Parameters
-    ----------
-    samples : Samples [records, length]
-        In the unit of the measurements.
-    speed_rpm : Array [records]
-    position : Array [records]
-        Rows after K_anomaly, the pos of eq. 13.
-    life : NDArray[int64] [records]
-        Which life each is of.
-    revolutions : Array [records] or None
-        Remaining, eq. 14. None: not known, as of a bearing that still runs.
-    """
-
-    samples: Samples
-    speed_rpm: Array
-    position: Array
-    life: NDArray[np.int64]
-    revolutions: Array | None = None
+    samples: Samples  # [records, length] in the unit of the measurements
+    speed_rpm: Array  # [records]
+    position: Array  # [records] rows after K_anomaly, the pos of eq. 13.
+    life: NDArray[np.int64]  # [records] which life each is of
+    revolutions: Array | None = None  # [records] Remaining, eq. 14. None: not known, as of a bearing that still runs.
 
     def __len__(self) -> int:
         return int(self.samples.shape[0])
@@ -75,40 +62,24 @@ class Snapshots:
 
 @dataclass(frozen=True)
 class SignalModel:
-    """What eq. 1 leaves open.
+    """What eq. 1 leaves open."""
 
-    Parameters
-    ----------
-    jitter : float
-        Standard deviation of tau_i, impact spacings.
-    load_zone : float
-        Depth of q.
-    scatter : float
-        Standard deviation of A_i.
-    impact_shape : {"given", "matched"}
-        Depth of q and scatter of A as given, or those of `IMPACT_SHAPES` with which simulated records are as impulsive
-        as the measured ones after the anomaly (peak to peak over RMS).
-    noise : {"constant", "with_speed", "measured"}
-        n(t) of eq. 1 is the same at all speeds. "with_speed": what passes the structure follows S, as healthy vibration
-        of real machines does; the measuring chain's white noise does not. "measured": n(t) is a healthy record of the
-        run at the nearest speed, shifted in time.
-    noise_share : float
-        Peak to peak of simulated noise over that of a healthy record, at the speed where that is least.
-    path : {"healthy", "excited"}
-        h(t) of eq. 1 is the dominant mode of healthy records (eq. 8). "excited": the modes that stand out of records
-        after the anomaly, see `excited_modes`.
-    modes : int
-        Most modes of an excited path.
-    """
-
-    jitter: float = 0.02
-    load_zone: float = 0.3
-    scatter: float = 0.1
+    jitter: float = 0.02  # standard deviation of tau_i, impact spacings
+    load_zone: float = 0.3  # depth of q
+    scatter: float = 0.1  # standard deviation of A_i
+    # "given", "matched": depth of q and scatter of A as given, or those of `IMPACT_SHAPES` with which simulated
+    # records are as impulsive as the measured ones after the anomaly (peak to peak over RMS).
     impact_shape: Literal["given", "matched"] = "given"
+    # "constant", "with_speed", "measured": n(t) of eq. 1 is the same at all speeds. "with_speed": what passes
+    # the structure follows S, as healthy vibration of real machines does; the measuring chain's white noise does not.
+    # "measured": n(t) is a healthy record of the run at the nearest speed, shifted in time.
     noise: Literal["constant", "with_speed", "measured"] = "constant"
+    # peak to peak of simulated noise over that of a healthy record, at the speed where that is least
     noise_share: float = 0.8
+    # "healthy", "excited": h(t) of eq. 1 is the dominant mode of healthy records (eq. 8). "excited": the modes
+    # that stand out of records after the anomaly, see `excited_modes`.
     path: Literal["healthy", "excited"] = "healthy"
-    modes: int = 4
+    modes: int = 4  # most modes of an excited path
 
 
 IMPACT_SHAPES = tuple((zone, scatter) for zone in (0.3, 1.0) for scatter in (0.1, 0.2, 0.3, 0.45, 0.6))
@@ -139,25 +110,16 @@ class _MoreModes(Effect):
 class LifeSimulator:
     """Eq. 1 for one bearing, its amplitudes set by peak to peak.
 
+    Raises `TwingapError` when the mode lies beyond half the sampling rate, or records are missing that the model needs.
+
     Parameters
     ----------
-    twin : AdaptiveTwin
-    bearing : Bearing
     fault : {"inner", "outer", "ball", "cage"}
-    fs_hz : float
-    n_samples : int
     rng : numpy.random.Generator
         For the pilots from which amplitudes are set.
-    model : SignalModel
-    unit : str
     healthy, faulty : Snapshots, optional
         Of the run: its healthy beginning, and after K_anomaly up to now: what "measured", "excited" and
-        "excited" and "matched" read.
-
-    Raises
-    ------
-    TwingapError
-        When the mode lies beyond half the sampling rate, or records are missing that the model needs.
+        "matched" read.
     """
 
     def __init__(
@@ -223,14 +185,8 @@ class LifeSimulator:
 
         Parameters
         ----------
-        lives : iterable of Trajectory
-        rng : numpy.random.Generator
         most : int, optional
             Records in all; where there are more rows, evenly spread ones are made.
-
-        Returns
-        -------
-        Snapshots
         """
         lives = list(lives)
         speed = np.concatenate([life.speed_rpm[1:] for life in lives])
@@ -259,7 +215,6 @@ class LifeSimulator:
         Parameters
         ----------
         speed_rpm, peak_to_peak : Array [records]
-        rng : numpy.random.Generator
         impact_shape : (float, float), optional
             Depth of q and scatter of A; the simulator's own when absent.
         """
@@ -373,6 +328,8 @@ def strengths(noise: Samples, impacts: Samples, peak_to_peak: Array) -> Array:
 def measured_snapshots(records: RecordSet, onset_row: int, rows: Iterable[int], n_samples: int) -> Snapshots:
     """Records of a real run, without labels.
 
+    Raises `TwingapError` when a record is shorter.
+
     Parameters
     ----------
     records : RecordSet
@@ -383,15 +340,6 @@ def measured_snapshots(records: RecordSet, onset_row: int, rows: Iterable[int], 
         Which.
     n_samples : int
         From the beginning of each record.
-
-    Returns
-    -------
-    Snapshots
-
-    Raises
-    ------
-    TwingapError
-        When a record is shorter.
     """
     places = list(rows)
     out = np.empty((len(places), n_samples), np.float32)

@@ -34,94 +34,53 @@ State = dict[str, Tensor]
 
 @dataclass(frozen=True)
 class LifeTraining:
-    """How to train.
+    """How to train."""
 
-    Parameters
-    ----------
-    steps : int
-        Gradient steps.
-    batch : int
-        Simulated records per step, and as many real ones.
-    learning_rate, weight_decay : float
-        Of AdamW; the rate falls to 0 along a half cosine, so that the last states do not hang on the last batches.
-    checkpoints : int
-        States kept for selection, evenly spaced, the last at the end.
-    vary : bool
-        Show every record, each time, with a random sign, and every batch shifted in time (cyclically) by a random
-        amount: neither where a record begins nor which way a sensor points matters. Not in the paper; without it
-        networks learn a thousand simulated records by heart within a hundred steps.
-    alike : bool
-        Show the discriminator only those simulated records that are of no later row of a life than the real ones. Real
-        records are all of the first minutes after the anomaly: to separate them from whole simulated lives, the
-        discriminator learns the age, and its reversed gradient wipes that out. Not in the paper.
-    """
-
-    steps: int = 1200
-    batch: int = 16
+    steps: int = 1200  # gradient steps
+    batch: int = 16  # simulated records per step, and as many real ones
+    # learning_rate, weight_decay: of AdamW; the rate falls to 0 along a half cosine, so that the last states do not
+    # hang on the last batches
     learning_rate: float = 1e-3
     weight_decay: float = 1e-4
-    checkpoints: int = 8
+    checkpoints: int = 8  # states kept for selection, evenly spaced, the last at the end
+    # Show every record, each time, with a random sign, and every batch shifted in time (cyclically) by a random amount:
+    # neither where a record begins nor which way a sensor points matters. Not in the paper; without it networks learn a
+    # thousand simulated records by heart within a hundred steps.
     vary: bool = True
+    # Show the discriminator only those simulated records that are of no later row of a life than the real ones. Real
+    # records are all of the first minutes after the anomaly: to separate them from whole simulated lives, the
+    # discriminator learns the age, and its reversed gradient wipes that out. Not in the paper.
     alike: bool = False
 
 
 @dataclass(frozen=True)
 class LifeScales:
-    """What numbers are divided by before a network sees them, and which speeds have a place of their own.
+    """What numbers are divided by before a network sees them, and which speeds have a place of their own."""
 
-    Parameters
-    ----------
-    sample : float
-        Unit of the records; the same for simulated and real ones.
-    revolutions : float
-        At which a label is 1.
-    speeds_rpm : tuple of float
-        Operating speeds, increasing.
-    """
-
-    sample: float
-    revolutions: float
-    speeds_rpm: tuple[float, ...]
+    sample: float  # unit of the records; the same for simulated and real ones
+    revolutions: float  # at which a label is 1
+    speeds_rpm: tuple[float, ...]  # operating speeds, increasing
 
 
 @dataclass(frozen=True)
 class LifeCheckpoint:
-    """The network after some steps.
-
-    Parameters
-    ----------
-    step : int
-    state : State
-        Weights, on the processor.
-    loss : float
-        Mean regression loss on simulated batches since the last checkpoint.
-    domain_accuracy : float
-        Share of records whose domain the discriminator classified correctly since then; NaN without one.
-    """
+    """The network after some steps."""
 
     step: int
-    state: State
-    loss: float
+    state: State  # weights, on the processor
+    loss: float  # mean regression loss on simulated batches since the last checkpoint
+    # share of records whose domain the discriminator classified correctly since then; NaN without one
     domain_accuracy: float
 
 
 @dataclass(frozen=True)
 class TrainedLife:
-    """A finished training.
-
-    Parameters
-    ----------
-    architecture : LifeArchitecture
-    scales : LifeScales
-    checkpoints : tuple of LifeCheckpoint
-    device : str
-        Where it was trained.
-    """
+    """A finished training."""
 
     architecture: LifeArchitecture
     scales: LifeScales
     checkpoints: tuple[LifeCheckpoint, ...]
-    device: str = field(compare=False)
+    device: str = field(compare=False)  # where it was trained
 
     def network(self, place: int = -1) -> LifeNetwork:
         """The network of one checkpoint, on the processor, ready to predict."""
@@ -167,15 +126,14 @@ def train_life(
 ) -> TrainedLife:
     """Train one model.
 
+    Raises `TwingapError` when simulated records lack labels, or real ones bring them.
+
     Parameters
     ----------
     simulated : Snapshots
         Labelled.
     real : Snapshots
         Of the run up to now, after the anomaly; not used by a model that is not adversarial.
-    architecture : LifeArchitecture
-    scales : LifeScales
-    settings : LifeTraining
     seed : int
         Of weights and order of batches.
     device : str
@@ -185,11 +143,6 @@ def train_life(
     -------
     TrainedLife
         Same seed, same bytes on the same kind of device.
-
-    Raises
-    ------
-    TwingapError
-        When simulated records lack labels, or real ones bring them.
     """
     settings = settings or LifeTraining()
     if simulated.revolutions is None:
@@ -269,18 +222,13 @@ def _batches(count: int, batch: int, rng: np.random.Generator) -> Iterator[Tenso
 
 @dataclass(frozen=True)
 class LifeEvidence:
-    """Input of a selection criterion: without labels of the real run.
+    """Input of a selection criterion: without labels of the real run."""
 
-    Parameters
-    ----------
-    held_out : Array [records]
-        Predicted less true remaining revolutions of simulated lives that were not trained on, over the label scale.
-    real_total : Array [real records]
-        Revolutions since the first real record plus those predicted to remain, over the label scale: the whole life,
-        which is one number, however often it is predicted.
-    """
-
+    # [records] predicted less true remaining revolutions of simulated lives that were not trained on, over the label
+    # scale
     held_out: Array
+    # [real records] revolutions since the first real record plus those predicted to remain, over the label scale: the
+    # whole life, which is one number, however often it is predicted
     real_total: Array
 
 
@@ -313,7 +261,6 @@ def judge_checkpoints(trained: TrainedLife, held_out: Snapshots, real: Snapshots
 
     Parameters
     ----------
-    trained : TrainedLife
     held_out : Snapshots
         Labelled records of simulated lives that were not trained on.
     real : Snapshots
@@ -337,10 +284,7 @@ def judge_checkpoints(trained: TrainedLife, held_out: Snapshots, real: Snapshots
 def choose(evidence: Sequence[LifeEvidence], criterion: str = "error_and_steadiness") -> int:
     """Place of the checkpoint that the criterion prefers; the latest of equals.
 
-    Raises
-    ------
-    TwingapError
-        For an unknown criterion.
+    Raises `TwingapError` for an unknown criterion.
     """
     if criterion not in CRITERIA:
         raise TwingapError(f"no criterion {criterion!r}", where="checkpoints", mend=f"use {', '.join(CRITERIA)}")

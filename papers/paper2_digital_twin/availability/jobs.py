@@ -185,7 +185,6 @@ def network(job: NetworkJob, data: Mapping[str, Measured], source: Mapping[str, 
 
     Parameters
     ----------
-    job : NetworkJob
     data : Mapping[str, Measured]
         Data sets by name.
     source : Mapping[str, Any]
@@ -234,10 +233,7 @@ def network(job: NetworkJob, data: Mapping[str, Measured], source: Mapping[str, 
             rng = np.random.default_rng([job.seed, 31, job.fold, SPLITS.index(split)])
             few = labelled(own, learn, count, rng, all_healthy=True)
             row: dict[str, Any] = {"labels": counts_of(own, few)}
-            for name, options in (
-                ("calls", job.head),
-                ("without network", dataclasses.replace(job.head, trust=0.0)),
-            ):
+            for name, options in (("calls", job.head), ("without network", dataclasses.replace(job.head, trust=0.0))):
                 head = fit_residual_head(pieces[few], own.features[few], truth[few], unlabelled, options)
                 told = head.probabilities(logits[asked], features[asked])
                 row[name] = _calls(told, owner[asked], judge)

@@ -41,37 +41,22 @@ CLASSES: Final = {
 
 @dataclass(frozen=True)
 class Measured:
-    """All pieces and windows of a data set.
+    """All pieces and windows of a data set."""
 
-    Parameters
-    ----------
-    name : str
-        Of the data set.
-    bearing : Bearing
-    classes : tuple[str, ...]
-    found : Modulation
-        Of all pieces.
-    features : Array [pieces, features]
-        `PIECE_FEATURES`.
-    recording : NDArray[str] [pieces]
-    windows : Array [windows, features]
-        `WINDOW_FEATURES` of short windows for the healthy map: levels of bands are medians over their lines.
-    window_recording : NDArray[str] [windows]
-    labels, bearings, sizes, speeds_rpm, fs_hz : dict[str, Any]
-        By recording: place in `classes`, bearing, defect size as the data set states it, speed, rate.
-    """
-
-    name: str
+    name: str  # of the data set
     bearing: Bearing
     classes: tuple[str, ...]
-    found: Modulation
-    features: Array
-    recording: NDArray[np.str_]
+    found: Modulation  # of all pieces
+    features: Array  # [pieces, features] `PIECE_FEATURES`
+    recording: NDArray[np.str_]  # [pieces]
+    # [windows, features] `WINDOW_FEATURES` of short windows for the healthy map: levels of bands are medians over their
+    # lines
     windows: Array
-    window_recording: NDArray[np.str_]
-    labels: dict[str, int]
+    window_recording: NDArray[np.str_]  # [windows]
+    # by recording
+    labels: dict[str, int]  # place in `classes`
     bearings: dict[str, str]
-    sizes: dict[str, float]
+    sizes: dict[str, float]  # of the defect, as the data set states it
     speeds_rpm: dict[str, float]
     fs_hz: float
 
@@ -162,10 +147,7 @@ def measure(records: RecordSet, name: str, options: ImageOptions) -> Measured:
 def at_hand(names: Sequence[str], root: Path | None, rig_duration_s: float) -> dict[str, RecordSet]:
     """Those of the named data sets that are at hand; the virtual rig when none is.
 
-    Raises
-    ------
-    NotAtHandError
-        For the first that is missing in a root that the caller named.
+    Raises `NotAtHandError` for the first that is missing in a root that the caller named.
     """
     found: dict[str, RecordSet] = {}
     for name in names:

@@ -65,31 +65,14 @@ class SourceOptions:
 
 @dataclass(frozen=True)
 class Plant:
-    """A population of virtual machines to be simulated: a job.
+    """A population of virtual machines to be simulated: a job."""
 
-    Parameters
-    ----------
-    kind : {"grafted", "effects", "bare"}
-    data : str
-        Data set whose machine is imitated.
-    backgrounds : tuple[str, ...]
-        Healthy recordings that the population may stand on ("grafted" alone looks at their samples).
-    classes : tuple[str, ...]
-    speeds_rpm : tuple[float, ...]
-        Of the real recordings, which are known without labels.
-    fs_hz : float
-    bearing : Bearing
-    machines : int
-    options : SourceOptions
-    image : ImageOptions
-    seed : int
-    """
-
-    kind: Kind
-    data: str
+    kind: Kind  # one of "grafted", "effects", "bare"
+    data: str  # data set whose machine is imitated
+    # healthy recordings that the population may stand on ("grafted" alone looks at their samples)
     backgrounds: tuple[str, ...]
     classes: tuple[str, ...]
-    speeds_rpm: tuple[float, ...]
+    speeds_rpm: tuple[float, ...]  # of the real recordings, which are known without labels
     fs_hz: float
     bearing: Bearing
     machines: int
@@ -100,15 +83,9 @@ class Plant:
 
 @dataclass(frozen=True)
 class Background:
-    """A healthy recording.
+    """A healthy recording."""
 
-    Parameters
-    ----------
-    samples : Array [samples]
-    speed_rpm : float
-    """
-
-    samples: Array
+    samples: Array  # [samples]
     speed_rpm: float
 
 
@@ -127,7 +104,6 @@ def simulate(plant: Plant, healthy: dict[str, Background]) -> dict[str, Any]:
 
     Parameters
     ----------
-    plant : Plant
     healthy : dict[str, Background]
         Healthy recordings by name; those of `plant.backgrounds` are used.
 

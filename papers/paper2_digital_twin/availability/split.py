@@ -58,12 +58,10 @@ def labelled(
 
     Parameters
     ----------
-    data : Measured
     learn : sequence of str
         Recordings that may be learnt from.
     count : int
         `ALL` for all.
-    rng : numpy.random.Generator
     all_healthy : bool
         Healthy records are not scarce: all of them; or as many as of a fault, since more drown the few.
     """

@@ -30,18 +30,12 @@ def all_tables(work: Work) -> dict[str, pd.DataFrame]:
     found = accuracy(called)
     crossed = crossings(work, called)
     return {
-        "availability-accuracy": found,
-        "availability-crossings": crossed,
-        "availability-choice": choices(work, crossed),
-        "availability-selection": selection(work),
-        "availability-head": head(work),
-        "availability-sources": sources(work),
-        "availability-recordings": recordings(work, called),
-        "availability-alarms": alarms(work),
-        "availability-severity": severity(work),
-        "availability-size": size(work),
-        "availability-check": checks(work),
-    }
+        "availability-accuracy": found, "availability-crossings": crossed,
+        "availability-choice": choices(work, crossed), "availability-selection": selection(work),
+        "availability-head": head(work), "availability-sources": sources(work),
+        "availability-recordings": recordings(work, called), "availability-alarms": alarms(work),
+        "availability-severity": severity(work), "availability-size": size(work), "availability-check": checks(work),
+    }  # fmt: skip
 
 
 def calls(work: Work) -> pd.DataFrame:

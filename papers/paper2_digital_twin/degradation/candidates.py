@@ -40,28 +40,14 @@ END_ROWS: Final = 5
 
 @dataclass(frozen=True)
 class Judged:
-    """A run with its candidates.
-
-    Parameters
-    ----------
-    run : StudyRun
-    online : Indicators
-    criteria : dict[str, IndicatorCriteria]
-        Of the online candidates.
-    choice : str or None
-        Candidate of highest suitability on other runs; None where there are no others.
-    series : dict[str, Array [rows]]
-        The indicators that curves are fitted to, by name.
-    times : dict[str, Array [rows]]
-        Their running time, s.
-    """
+    """A run with its candidates."""
 
     run: StudyRun
     online: Indicators
-    criteria: dict[str, IndicatorCriteria]
-    choice: str | None
-    series: dict[str, Array]
-    times: dict[str, Array]
+    criteria: dict[str, IndicatorCriteria]  # of the online candidates
+    choice: str | None  # candidate of highest suitability on other runs; None where there are no others
+    series: dict[str, Array]  # the indicators that curves are fitted to, by name
+    times: dict[str, Array]  # their running time, s
 
 
 def judge_all(runs: Sequence[StudyRun], indicators: Sequence[str] = INDICATORS) -> list[Judged]:

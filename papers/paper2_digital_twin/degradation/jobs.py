@@ -50,19 +50,13 @@ class Size:
 
 
 @dataclass(frozen=True)
-class Options:
+class Options(Reading):
     """The study; every entry is explained in config.toml."""
 
     runs_ims: tuple[str, ...]
     runs_femto: tuple[str, ...]
     paper_run: str
     raw_run: str
-    healthy_rows_ims: int
-    healthy_rows_femto: int
-    trend_rows_ims: int
-    trend_rows_femto: int
-    silent_share: float
-    window_samples: int
     indicators: tuple[str, ...]
     primary: tuple[str, ...]
     error: str
@@ -88,52 +82,25 @@ def check(options: Options, path: Path) -> None:
 
 @dataclass(frozen=True)
 class Analysis:
-    """One indicator of one run.
-
-    Parameters
-    ----------
-    run, indicator : str
-    limits : dict of str to float
-        Name -> level at which life ends, in the indicator's unit.
-    healthy : float
-        Level at the healthy start: tells from which side a limit is reached.
-    curves : int
-        Refits for an interval.
-    level : float
-        Of the interval.
-    seed : int
-    """
+    """One indicator of one run."""
 
     run: str
     indicator: str
-    limits: dict[str, float]
-    healthy: float
-    curves: int
-    level: float
+    limits: dict[str, float]  # name -> level at which life ends, in the indicator's unit
+    healthy: float  # level at the healthy start: tells from which side a limit is reached
+    curves: int  # refits for an interval
+    level: float  # of the interval
     seed: int
 
 
 @dataclass(frozen=True)
 class Coverage:
-    """Simulated runs of one curve.
+    """Simulated runs of one curve."""
 
-    Parameters
-    ----------
-    truth, model : str
-        What they are made with, and what is fitted.
-    memory : float
-        Of the AR(1) noise.
-    share : float
-        Of life seen.
-    runs, rows, curves : int
-    noise, level : float
-    seed : int
-    """
-
-    truth: str
+    truth: str  # truth, model: what they are made with, and what is fitted
     model: str
-    memory: float
-    share: float
+    memory: float  # of the AR(1) noise
+    share: float  # of life seen
     runs: int
     rows: int
     curves: int
@@ -245,23 +212,19 @@ def tell(job: KnownLaw) -> dict[str, float]:
 
 def _simulated(job: Coverage | KnownLaw, rng: np.random.Generator) -> Iterator[tuple[Array, Array]]:
     """Times and values [rows] of one run after the other: the curve in AR(1) noise."""
-    t = 10.0 * np.arange(job.rows)
-    curve = TRUTHS[job.truth](t / t[-1])
+    t = 10.0 * np.arange(job.rows, dtype=np.float64)
+    curve: Array = TRUTHS[job.truth](t / t[-1])
     for _ in range(job.runs):
         shocks = job.noise * rng.standard_normal(job.rows)
         shocks[1:] *= np.sqrt(1 - job.memory**2)
-        yield t, curve + lfilter([1.0], [1.0, -job.memory], shocks)
+        yield t, np.asarray(curve + lfilter([1.0], [1.0, -job.memory], shocks))
 
 
 def runs(work: Work) -> list[StudyRun]:
     """Runs to failure at hand, the paper's first."""
     options, size = work.options, work.size
     names = sorted(options.runs_ims, key=lambda n: f"IMS {n}" != options.paper_run)[: size.ims]
-    reading = Reading(
-        options.healthy_rows_ims, options.healthy_rows_femto, options.trend_rows_ims, options.trend_rows_femto,
-        options.silent_share, options.window_samples,
-    )  # fmt: skip
-    work.title, found = study_runs(sorted(names), options.runs_femto[: size.femto], reading, work.root, work.sweep)
+    work.title, found = study_runs(sorted(names), options.runs_femto[: size.femto], options, work.root, work.sweep)
     return found
 
 

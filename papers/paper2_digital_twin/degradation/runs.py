@@ -50,35 +50,17 @@ SHOWN_COLUMNS: Final = 300
 
 @dataclass(frozen=True)
 class StudyRun:
-    """A run of the study.
+    """A run of the study."""
 
-    Parameters
-    ----------
-    run : Run
-        Time is running time, s; silent records (machine stopped, sensor off) are left out.
-    whole : Run
-        With them.
-    source : str
-        "raw records", "feature table" or "simulated".
-    family : str
-        Runs of one family set limits for, and choose indicators for, each other.
-    healthy_rows, trend_rows : int
-    stand_ins : tuple of str
-        Features in place of those of the spectral kurtosis.
-    extremes : Array [rows, 2] or None
-        Least and greatest sample of each record, for the figure of the waveform.
-    kurtosis_map : tuple of Arrays or None
-        Time [columns], frequency [lines], spectral kurtosis [columns, lines].
-    """
-
-    run: Run
-    whole: Run
-    source: str
-    family: str
+    run: Run  # time is running time, s; silent records (machine stopped, sensor off) are left out
+    whole: Run  # with them
+    source: str  # "raw records", "feature table" or "simulated"
+    family: str  # runs of one family set limits for, and choose indicators for, each other
     healthy_rows: int
     trend_rows: int
-    stand_ins: tuple[str, ...] = ()
-    extremes: Array | None = None
+    stand_ins: tuple[str, ...] = ()  # features in place of those of the spectral kurtosis
+    extremes: Array | None = None  # [rows, 2] least and greatest sample of each record, for the figure of the waveform
+    # time [columns], frequency [lines], spectral kurtosis [columns, lines]
     kurtosis_map: tuple[Array, Array, Array] | None = None
 
     @property
@@ -126,7 +108,7 @@ def measure(job: Measure, records: RecordSet) -> dict[str, Any]:
 
 @dataclass(frozen=True)
 class Reading:
-    """How runs are read; entries as in degradation.toml."""
+    """How runs are read; explained in config.toml."""
 
     healthy_rows_ims: int
     healthy_rows_femto: int
@@ -245,12 +227,7 @@ def _ims_run(name: str, reading: Reading, root: Path | None, swept: Swept) -> St
 
 
 def _measured(
-    records: RecordSet,
-    bearings: list[str],
-    title: str,
-    reading: Reading,
-    family: str,
-    swept: Swept,
+    records: RecordSet, bearings: list[str], title: str, reading: Reading, family: str, swept: Swept
 ) -> list[StudyRun]:
     """Features by jobs, one a bearing."""
     jobs = [Measure(records.name, bearing, reading.window_samples) for bearing in bearings]

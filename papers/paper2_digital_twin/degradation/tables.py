@@ -39,18 +39,12 @@ def all_tables(work: Work) -> dict[str, pd.DataFrame]:
     lives = life_rows(work)
     found, pair = fits(work), pairs(errors)
     tables = {
-        "degradation-runs": runs(judged),
-        "degradation-fusion9": fusion9(judged),
-        "degradation-choice": choice(judged),
-        "degradation-fits": found,
-        "degradation-errors": errors,
-        "degradation-errors-summary": summary,
-        "degradation-pairs": pair,
-        "degradation-out-of-sample": out_of_sample(pair, shown(work).run.name),
-        "degradation-criteria": criteria_summary(found),
-        "degradation-lives": lives,
+        "degradation-runs": runs(judged), "degradation-fusion9": fusion9(judged), "degradation-choice": choice(judged),
+        "degradation-fits": found, "degradation-errors": errors, "degradation-errors-summary": summary,
+        "degradation-pairs": pair, "degradation-out-of-sample": out_of_sample(pair, shown(work).run.name),
+        "degradation-criteria": criteria_summary(found), "degradation-lives": lives,
         "degradation-lives-summary": life_summary(lives),
-    }
+    }  # fmt: skip
     known = known_law(work["known law"])
     tables["degradation-claims"] = claims(work, {**tables, "degradation-known-law": known})
     for table in tables.values():

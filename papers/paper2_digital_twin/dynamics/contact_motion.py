@@ -23,30 +23,20 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Motion:
-    """Where the inner ring's centre is, and how fast it moves.
+    """Where the inner ring's centre is, and how fast it moves."""
 
-    Parameters
-    ----------
-    t_s : Array [samples]
-        Time since the start, s.
-    x_m, y_m : Array [samples]
-        Displacement across and along the load, m.
-    vx_m_s, vy_m_s : Array [samples]
-        Velocity, m/s.
-    cage_turns : Array [samples]
-        Angle of the cage: roller j stands at 2 pi (cage_turns + j / Z).
-    """
-
-    t_s: Array
-    x_m: Array
+    t_s: Array  # [samples] time since the start, s
+    x_m: Array  # x_m, y_m: [samples] displacement across and along the load, m
     y_m: Array
-    vx_m_s: Array
+    vx_m_s: Array  # vx_m_s, vy_m_s: [samples] velocity, m/s
     vy_m_s: Array
-    cage_turns: Array
+    cage_turns: Array  # [samples] angle of the cage: roller j stands at 2 pi (cage_turns + j / Z)
 
 
 def motions(jobs: Sequence[Job], start: ArrayLike = (0.0, 0.0, 0.0, 0.0), *, steps: int | None = None) -> list[Motion]:
     """Integrate jobs from a given state, classical RK4 with a fixed step ("ode4"), and keep every sample's state.
+
+    Raises `TwingapError` when jobs differ in what they must share, or a trajectory leaves the range of numbers.
 
     Parameters
     ----------
@@ -61,11 +51,6 @@ def motions(jobs: Sequence[Job], start: ArrayLike = (0.0, 0.0, 0.0, 0.0), *, ste
     Returns
     -------
     list of Motion
-
-    Raises
-    ------
-    TwingapError
-        When jobs differ in what they must share, or a trajectory leaves the range of numbers.
     """
     from twingap.twins.contact_kernel import LANES, ROWS, integrate  # compiled code: only when it is needed
 

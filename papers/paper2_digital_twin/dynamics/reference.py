@@ -32,10 +32,7 @@ def squeeze(bearing: Bearing, own: ContactParameters, x: float, y: float, cage: 
 def rest(bearing: Bearing, own: ContactParameters, load_n: float, cage: float) -> tuple[float, float]:
     """Where the ring rests under its load, m: the root of sum K delta^n e = F, by Powell's hybrid method.
 
-    Raises
-    ------
-    TwingapError
-        When the root finder does not arrive.
+    Raises `TwingapError` when the root finder does not arrive.
     """
 
     def residual(at: Array) -> list[float]:

@@ -15,29 +15,7 @@ from papers.paper2_digital_twin.live_twin.spectrum import Band, MachineState, Sp
 from papers.paper2_digital_twin.live_twin.twin import LiveOptions, LiveTwin
 
 __all__ = [
-    "Alarm",
-    "Band",
-    "ClearanceLaw",
-    "DampingLaw",
-    "DriftDetector",
-    "Evaluation",
-    "Fit",
-    "Journal",
-    "Laws",
-    "LiveOptions",
-    "LiveTwin",
-    "MachineState",
-    "Message",
-    "OrderOptions",
-    "Reorder",
-    "Snapshot",
-    "SpectrumModel",
-    "StateMessage",
-    "Update",
-    "deviation",
-    "false_alarms",
-    "refit",
-    "relative_error",
-    "run_length",
-    "threshold_for",
-]
+    "Alarm", "Band", "ClearanceLaw", "DampingLaw", "DriftDetector", "Evaluation", "Fit", "Journal", "Laws",
+    "LiveOptions", "LiveTwin", "MachineState", "Message", "OrderOptions", "Reorder", "Snapshot", "SpectrumModel",
+    "StateMessage", "Update", "deviation", "false_alarms", "refit", "relative_error", "run_length", "threshold_for",
+]  # fmt: skip

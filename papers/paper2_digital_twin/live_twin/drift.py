@@ -63,10 +63,7 @@ def false_alarms(threshold: float, allowance: float, charts: int, baseline: int 
 def threshold_for(rate: float, allowance: float, charts: int, baseline: int | None = None) -> float:
     """The threshold at which there are `rate` false alarms per sample.
 
-    Raises
-    ------
-    TwingapError
-        For a rate that no threshold gives.
+    Raises `TwingapError` for a rate that no threshold gives.
     """
     if not 0 < rate < 0.5:
         raise TwingapError(f"rate = {rate!r}, between 0 and 0.5 expected", where="drift detector")
@@ -89,24 +86,13 @@ def threshold_for(rate: float, allowance: float, charts: int, baseline: int | No
 
 @dataclass(frozen=True)
 class Alarm:
-    """A chart that has passed its threshold.
-
-    Parameters
-    ----------
-    chart : str
-    direction : {"up", "down"}
-    sum : float
-        Where the sum stands, in standard deviations.
-    threshold : float
-    since : int
-        Samples since its sum last was zero: the likeliest beginning of the drift.
-    """
+    """A chart that has passed its threshold."""
 
     chart: str
-    direction: str
-    sum: float
+    direction: str  # one of "up", "down"
+    sum: float  # where the sum stands, in standard deviations
     threshold: float
-    since: int
+    since: int  # samples since its sum last was zero: the likeliest beginning of the drift
 
 
 class DriftDetector:

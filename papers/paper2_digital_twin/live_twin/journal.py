@@ -27,68 +27,37 @@ identified anew. kept: they should have been, and were not; `why` says the reaso
 
 @dataclass(frozen=True)
 class Update:
-    """One change of the twin, or one that was refused.
+    """One change of the twin, or one that was refused."""
 
-    Parameters
-    ----------
-    time_s : float
-        Of the message that caused it, by the sender's clock.
-    kind : Kind
-    why : str
-    before, after : dict[str, float]
-        Name -> value: stiffness (N/m^1.5), damping (N s/m), clearance_um, force_level, white_noise in the state at
-        hand; temperature_c for which they hold.
-    error_before, error_after : float or None
-        Relative error of the spectra that it was fitted to.
-    snapshots : int
-        How many those were.
-    seconds : float
-        What it cost: CPU seconds of this process, so that neighbours on a shared machine do not count.
-    """
-
-    time_s: float
+    time_s: float  # of the message that caused it, by the sender's clock
     kind: Kind
     why: str
+    # before, after: name -> value: stiffness (N/m^1.5), damping (N s/m), clearance_um, force_level, white_noise in the
+    # state at hand; temperature_c for which they hold
     before: dict[str, float]
     after: dict[str, float]
-    error_before: float | None = None
+    error_before: float | None = None  # error_before, error_after: relative error of the spectra that it was fitted to
     error_after: float | None = None
-    snapshots: int = 0
+    snapshots: int = 0  # how many those were
+    # what it cost: CPU seconds of this process, so that neighbours on a shared machine do not count
     seconds: float = 0.0
 
 
 @dataclass(frozen=True)
 class Evaluation:
-    """One snapshot against the twin as it was before it saw it.
-
-    Parameters
-    ----------
-    time_s : float
-    error : float
-        Relative error of the amplitude spectrum.
-    shape : float
-        What is left of it when the twin's spectrum may be scaled as a whole.
-    deviation : tuple[float, ...]
-        By how much the logarithms of `FREE` seem off.
-    z : tuple[float, ...]
-        The same in standard deviations, for the parameters that are watched; empty before commissioning is over.
-    """
+    """One snapshot against the twin as it was before it saw it."""
 
     time_s: float
-    error: float
-    shape: float
-    deviation: tuple[float, ...]
+    error: float  # relative error of the amplitude spectrum
+    shape: float  # what is left of it when the twin's spectrum may be scaled as a whole
+    deviation: tuple[float, ...]  # by how much the logarithms of `FREE` seem off
+    # the same in standard deviations, for the parameters that are watched; empty before commissioning is over
     z: tuple[float, ...] = ()
 
 
 @dataclass
 class Journal:
-    """Kept while the twin lives; bounded: of each list the last `capacity` entries.
-
-    Parameters
-    ----------
-    capacity : int
-    """
+    """Kept while the twin lives; bounded: of each list the last `capacity` entries."""
 
     capacity: int = 100_000
     counts: Counter[tuple[str, str]] = field(default_factory=Counter)

@@ -21,16 +21,10 @@ class ClearanceLaw:
     of clearance by a temperature difference (SKF, Rolling Bearings: 0.012 um per K and mm of mean diameter, both sides
     of the shaft together). The inner ring's lead over the outer one is taken as a fixed part of the outer
     one's rise; rings and balls of one temperature grow alike and change nothing.
-
-    Parameters
-    ----------
-    expansion : float
-        alpha, 1/K; of bearing steel.
-    excess : float
-        By how much the inner ring outruns the outer one's rise, a fraction. 5 to 10 K are usual at 40 K of rise.
     """
 
-    expansion: float = 12e-6
+    expansion: float = 12e-6  # alpha, 1/K; of bearing steel
+    # By how much the inner ring outruns the outer one's rise, a fraction. 5 to 10 K are usual at 40 K of rise.
     excess: float = 0.15
 
     def change_um(self, bearing: Bearing, rise_k: float) -> float:
@@ -48,19 +42,12 @@ class DampingLaw:
         log10 log10(nu + 0.7) = A - B log10(T / K),
 
     through the two points of a data sheet.
-
-    Parameters
-    ----------
-    nu40, nu100 : float
-        Kinematic viscosity at 40 and 100 deg C, mm^2/s. The defaults are an ISO VG 32 oil's.
-    film : float
-        Part of the damping at the reference temperature that is the film's.
-    power : float
     """
 
+    # nu40, nu100: kinematic viscosity at 40 and 100 deg C, mm^2/s. The defaults are an ISO VG 32 oil's.
     nu40: float = 32.0
     nu100: float = 5.4
-    film: float = 0.8
+    film: float = 0.8  # part of the damping at the reference temperature that is the film's
     power: float = 1.0
 
     def __post_init__(self) -> None:
@@ -86,18 +73,10 @@ class DampingLaw:
 
 @dataclass(frozen=True)
 class Laws:
-    """Both, and the temperature at which the twin's own clearance and damping hold.
-
-    Parameters
-    ----------
-    reference_c : float
-    clearance : ClearanceLaw
-    damping : DampingLaw
-    speed_power : float
-        The structure's broadband force grows with speed to this power; rolling noise of rough surfaces: 1.
-    """
+    """Both, and the temperature at which the twin's own clearance and damping hold."""
 
     reference_c: float = 40.0
     clearance: ClearanceLaw = ClearanceLaw()
     damping: DampingLaw = DampingLaw()
+    # the structure's broadband force grows with speed to this power; rolling noise of rough surfaces: 1
     speed_power: float = 1.0

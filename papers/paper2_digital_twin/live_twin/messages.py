@@ -18,27 +18,13 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class StateMessage:
-    """Simple state signals of one moment.
+    """Simple state signals of one moment."""
 
-    Parameters
-    ----------
-    time_s : float
-        When it was measured, by the sender's clock; not when it arrived.
-    temperature_c : float
-        Of the bearing's outer ring.
-    speed_rpm : float
-        0 while the machine stands still.
-    load_n : float or None
-        Radial load; None where there is no load cell: the twin's own holds.
-    number : int or None
-        Counts the sender's messages; missing ones are then known exactly.
-    """
-
-    time_s: float
-    temperature_c: float
-    speed_rpm: float
-    load_n: float | None = None
-    number: int | None = None
+    time_s: float  # when it was measured, by the sender's clock; not when it arrived
+    temperature_c: float  # of the bearing's outer ring
+    speed_rpm: float  # 0 while the machine stands still
+    load_n: float | None = None  # radial load; None where there is no load cell: the twin's own holds
+    number: int | None = None  # counts the sender's messages; missing ones are then known exactly
 
     @property
     def usable(self) -> bool:
@@ -51,25 +37,13 @@ class StateMessage:
 
 @dataclass(frozen=True)
 class Snapshot:
-    """A stretch of vibration.
+    """A stretch of vibration."""
 
-    Parameters
-    ----------
-    time_s : float
-        When it begins.
-    samples : Array [samples]
-    fs_hz : float
-    fault : str
-        What the bearing is known to have; the twin is compared in that state.
-    number : int or None
-        As in `StateMessage`; snapshots are counted apart from states.
-    """
-
-    time_s: float
-    samples: Array = field(repr=False)
+    time_s: float  # when it begins
+    samples: Array = field(repr=False)  # [samples]
     fs_hz: float = 0.0
-    fault: str = "healthy"
-    number: int | None = None
+    fault: str = "healthy"  # what the bearing is known to have; the twin is compared in that state
+    number: int | None = None  # as in `StateMessage`; snapshots are counted apart from states
 
     @property
     def usable(self) -> bool:

@@ -40,25 +40,14 @@ now; held are so few that snapshots among them cost little memory."""
 
 @dataclass(frozen=True)
 class OrderOptions:
-    """How patient the buffer is.
+    """How patient the buffer is."""
 
-    Parameters
-    ----------
-    lateness_s : float
-        How late a message may be against the latest one and still be put in its place.
-    capacity : int
-        Most messages held.
-    ahead_s : float
-        A message further ahead of all others than this is left out, until a second one agrees with it: no further from
-        it than this. One as far behind the latest (and beyond `lateness_s`) is late, until `BEGUN_ANEW` agree.
-    remembered : int
-        Most messages of which it is remembered that they were seen.
-    """
-
-    lateness_s: float = 120.0
-    capacity: int = 256
+    lateness_s: float = 120.0  # how late a message may be against the latest one and still be put in its place
+    capacity: int = 256  # most messages held
+    # A message further ahead of all others than this is left out, until a second one agrees with it: no further from it
+    # than this. One as far behind the latest (and beyond `lateness_s`) is late, until `BEGUN_ANEW` agree.
     ahead_s: float = 86400.0
-    remembered: int = 4096
+    remembered: int = 4096  # most messages of which it is remembered that they were seen
 
     def __post_init__(self) -> None:
         for key, low in (("lateness_s", 0.0), ("capacity", 1), ("ahead_s", 0.0), ("remembered", 1)):
@@ -73,10 +62,6 @@ _Content = tuple[float | None, ...]
 
 class Reorder:
     """The buffer.
-
-    Parameters
-    ----------
-    options : OrderOptions
 
     Attributes
     ----------

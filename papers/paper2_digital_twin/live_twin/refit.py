@@ -29,25 +29,13 @@ FURTHEST: Final = np.array([0.25, 0.7, 0.7, 1.5])
 
 @dataclass(frozen=True)
 class Fit:
-    """Where a fit ended.
+    """Where a fit ended."""
 
-    Parameters
-    ----------
-    theta : Array [4]
-        Logarithms of `spectrum.FREE`.
-    before, after : float
-        Relative error of the amplitude spectra, at the beginning and at the end.
-    evaluations : int
-        Calls of the model.
-    predicted : list of Prediction
-        At `theta`, for each snapshot.
-    """
-
-    theta: Array
-    before: float
+    theta: Array  # [4] logarithms of `spectrum.FREE`
+    before: float  # before, after: relative error of the amplitude spectra, at the beginning and at the end
     after: float
-    evaluations: int
-    predicted: list[Prediction]
+    evaluations: int  # calls of the model
+    predicted: list[Prediction]  # at `theta`, for each snapshot
 
 
 def relative_error(measured: Sequence[Array], predicted: Sequence[Prediction]) -> float:
@@ -91,14 +79,12 @@ def refit(
 
     Parameters
     ----------
-    model : SpectrumModel
     theta : Array [4]
         Where the twin stands.
     measured : sequence of Array [bins]
         Amplitude spectra.
     states : sequence of MachineState
         In which they were taken.
-    band : Band
     evaluations : int
         Most calls of the model.
     gain : float

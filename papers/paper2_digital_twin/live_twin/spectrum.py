@@ -50,14 +50,7 @@ QUIET: Final = 0.05
 
 @dataclass(frozen=True)
 class MachineState:
-    """Simple signals at one moment.
-
-    Parameters
-    ----------
-    time_s, temperature_c, speed_rpm : float
-    load_n : float
-    fault : str
-    """
+    """Simple signals at one moment."""
 
     time_s: float
     temperature_c: float
@@ -68,20 +61,11 @@ class MachineState:
 
 @dataclass(frozen=True)
 class Band:
-    """The bins that are compared.
-
-    Parameters
-    ----------
-    fs_hz : float
-    segment : int
-        Samples per segment of the spectra.
-    lowest_hz : float
-        Below lie shaft harmonics and the mounting's modes, which the twin does not have.
-    """
+    """The bins that are compared."""
 
     fs_hz: float
-    segment: int
-    lowest_hz: float
+    segment: int  # samples per segment of the spectra
+    lowest_hz: float  # below lie shaft harmonics and the mounting's modes, which the twin does not have
 
     @classmethod
     def of(cls, fs_hz: float, lowest_hz: float) -> Band:
@@ -116,30 +100,15 @@ class Band:
 
 @dataclass(frozen=True)
 class Prediction:
-    """An amplitude spectrum and its derivatives.
+    """An amplitude spectrum and its derivatives."""
 
-    Parameters
-    ----------
-    amplitude : Array [bins]
-        Root of the PSD, record unit per root Hz.
-    slopes : Array [4, bins]
-        By the logarithms of `FREE`.
-    rolling : Array [bins]
-        PSD of rollers passing and striking, which is in `amplitude` too.
-    theta : Array [4]
-        Logarithms of `FREE` for which it holds.
-    shifted : Array [4, bins] or None
-        What is added to `rolling` when stiffness rises or falls by `STEP`, then damping; None where it was held.
-    shifted_at : Array [2]
-        Logarithms of stiffness and damping where `shifted` was integrated.
-    """
-
-    amplitude: Array
-    slopes: Array
-    rolling: Array
-    theta: Array
+    amplitude: Array  # [bins] root of the PSD, record unit per root Hz
+    slopes: Array  # [4, bins] by the logarithms of `FREE`
+    rolling: Array  # [bins] PSD of rollers passing and striking, which is in `amplitude` too
+    theta: Array  # [4] logarithms of `FREE` for which it holds
+    # [4, bins] what is added to `rolling` when stiffness rises or falls by `STEP`, then damping; None where it was held
     shifted: Array | None
-    shifted_at: Array
+    shifted_at: Array  # [2] logarithms of stiffness and damping where `shifted` was integrated
 
     @property
     def quiet(self) -> bool:
@@ -156,10 +125,8 @@ class SpectrumModel:
 
     Parameters
     ----------
-    bearing : Bearing
     parameters : ContactParameters
         What is not free, and clearance at the reference temperature.
-    laws : Laws
     follow : bool
         Whether clearance and damping follow temperature.
     reference_rpm : float
@@ -216,11 +183,11 @@ class SpectrumModel:
     ) -> list[Prediction]:
         """Amplitude spectra in these states, all integrated at once.
 
+        Raises `TwingapError` when the twin cannot be simulated at these parameters.
+
         Parameters
         ----------
         theta : Array [4]
-        states : sequence of MachineState
-        band : Band
         slopes : bool
             Whether derivatives are wanted; they are 0 otherwise.
         rolling : sequence of Array [bins], optional
@@ -228,11 +195,6 @@ class SpectrumModel:
         near : sequence of Prediction or None, optional
             For the same states at another point: where that is `NEAR`, the rollers' part is integrated at `theta`
             alone, and how it turns with stiffness and damping carried over.
-
-        Raises
-        ------
-        TwingapError
-            When the twin cannot be simulated at these parameters.
         """
         # Without slopes the middle alone; with them stiffness and damping are shifted both ways.
         shifts = np.zeros((5 if slopes else 1, 4))

@@ -47,52 +47,25 @@ FILM_SHARES: Final = (0.8, 0.6, 0.4, 0.2, 0.0, 1.0)
 
 @dataclass(frozen=True)
 class LiveOptions:
-    """How the twin lives.
+    """How the twin lives."""
 
-    Parameters
-    ----------
-    follow_temperature : bool
-        Whether clearance and damping follow it.
-    reidentify : bool
-        Whether the rest is identified anew on drift. With neither the twin is frozen after commissioning.
-    temperature_step_k : float
-        Change of temperature from which on the laws are applied again.
-    stale_s : float
-        Age of the last state beyond which a snapshot cannot be judged.
-    lowest_hz : float
-        Spectra are compared from here on.
-    commissioning : int
-        Snapshots that set the twin up, at least 4.
-    window : int
-        Most snapshots behind a later identification, at least 4.
-    warm_up_k : float
-        Change of temperature during commissioning from which on the film's share of the damping is learnt from it;
-        below, `Laws` keeps its value.
-    rate : float
-        False alarms per snapshot, for deviations that scatter as they did in commissioning.
-    allowance : float
-        Of the detector, standard deviations.
-    spread : float
-        Stiffness, damping and levels stay within this factor of their values at commissioning.
-    evaluations : int
-        Of the model, at most, per update.
-    restart : float
-        Standard deviations by which a further snapshot may be off while the twin follows a drift; beyond, older ones
-        are forgotten: the drift goes on.
-    """
-
-    follow_temperature: bool = True
+    follow_temperature: bool = True  # whether clearance and damping follow it
+    # Whether the rest is identified anew on drift. With neither the twin is frozen after commissioning.
     reidentify: bool = True
-    temperature_step_k: float = 0.5
-    stale_s: float = 600.0
-    lowest_hz: float = 500.0
-    commissioning: int = 10
-    window: int = 6
+    temperature_step_k: float = 0.5  # change of temperature from which on the laws are applied again
+    stale_s: float = 600.0  # age of the last state beyond which a snapshot cannot be judged
+    lowest_hz: float = 500.0  # spectra are compared from here on
+    commissioning: int = 10  # snapshots that set the twin up, at least 4
+    window: int = 6  # most snapshots behind a later identification, at least 4
+    # change of temperature during commissioning from which on the film's share of the damping is learnt from it; below,
+    # `Laws` keeps its value
     warm_up_k: float = 12.0
-    rate: float = 0.002
-    allowance: float = 1.0
-    spread: float = 5.0
-    evaluations: int = 4
+    rate: float = 0.002  # false alarms per snapshot, for deviations that scatter as they did in commissioning
+    allowance: float = 1.0  # of the detector, standard deviations
+    spread: float = 5.0  # stiffness, damping and levels stay within this factor of their values at commissioning
+    evaluations: int = 4  # of the model, at most, per update
+    # standard deviations by which a further snapshot may be off while the twin follows a drift; beyond, older ones are
+    # forgotten: the drift goes on
     restart: float = 4.0
 
     def __post_init__(self) -> None:
@@ -122,16 +95,15 @@ class _Seen:
 class LiveTwin:
     """A contact twin that is updated from messages.
 
+    Raises `TwingapError` for a band that is too narrow, and for a rate and an allowance that no threshold of the
+    detector goes with.
+
     Parameters
     ----------
-    bearing : Bearing
     parameters : ContactParameters
         Where it starts: as identified, or a preset. Damping and clearance are those at `laws.reference_c`.
     fs_hz : float
         Of the snapshots.
-    laws : Laws
-    options : LiveOptions
-    order : OrderOptions
     unit : str
         Of the snapshots; `parameters.scale` leads to it.
 
@@ -139,11 +111,6 @@ class LiveTwin:
     ----------
     journal : Journal
         What it did and why.
-
-    Raises
-    ------
-    TwingapError
-        For a band that is too narrow, and for a rate and an allowance that no threshold of the detector goes with.
 
     Notes
     -----
@@ -197,10 +164,7 @@ class LiveTwin:
     def parameters(self) -> ContactParameters:
         """Of the contact twin, now: without structure noise while the machine stands still.
 
-        Raises
-        ------
-        TwingapError
-            Before the first state of a running machine.
+        Raises `TwingapError` before the first state of a running machine.
         """
         if self._state is None or self._theta is None:
             raise self._not_started()
@@ -219,16 +183,13 @@ class LiveTwin:
     def receive(self, message: Message) -> list[Update]:
         """Take a message as it arrives, whatever its order.
 
+        Raises `TwingapError` when a message that the buffer let go could not be acted on. Those let go with it have
+        been, and what they led to is in the journal.
+
         Returns
         -------
         list of Update
             What it led to; most messages lead to nothing.
-
-        Raises
-        ------
-        TwingapError
-            When a message that the buffer let go could not be acted on. Those let go with it have been, and what they
-            led to is in the journal.
         """
         return self._act_on(self._buffer.push(message))
 

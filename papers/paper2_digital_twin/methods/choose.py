@@ -31,40 +31,20 @@ Approach = Literal["twin network", "corrected network", "SVM", "SOM-MQE"]
 
 @dataclass(frozen=True)
 class Thresholds:
-    """Labelled records of the class that has fewest, from which on a method is chosen.
+    """Labelled records of the class that has fewest, from which on a method is chosen."""
 
-    Parameters
-    ----------
-    correct : int
-        The network from the twin is corrected by a head.
-    svm : int or None
-        The SVM; None = never, the corrected network stays ahead.
-    som : int or None
-        Maps by class; None = never.
-    """
-
-    correct: int = 1
-    svm: int | None = None
-    som: int | None = None
+    correct: int = 1  # the network from the twin is corrected by a head
+    svm: int | None = None  # the SVM; None = never, the corrected network stays ahead
+    som: int | None = None  # maps by class; None = never
 
 
 @dataclass(frozen=True)
 class Choice:
-    """What to use.
+    """What to use."""
 
-    Parameters
-    ----------
-    approach : {"twin network", "corrected network", "SVM", "SOM-MQE"}
-        For naming the fault.
-    alarm : bool
-        Whether the healthy map can alarm at the wanted rate; it needs no fault record.
-    why : str
-        One or two sentences.
-    """
-
-    approach: Approach
-    alarm: bool
-    why: str
+    approach: Approach  # "twin network", "corrected network", "SVM", "SOM-MQE": for naming the fault
+    alarm: bool  # whether the healthy map can alarm at the wanted rate; it needs no fault record
+    why: str  # one or two sentences
 
 
 def choose(
@@ -72,6 +52,8 @@ def choose(
     false_alarm: float = 0.01, thresholds: Thresholds | None = None,
 ) -> Choice:  # fmt: skip
     """Choose a method by what is labelled.
+
+    Raises `TwingapError` for negative numbers or no fault.
 
     Parameters
     ----------
@@ -82,16 +64,6 @@ def choose(
         Windows of healthy vibration.
     false_alarm : float
         Wanted false-alarm rate.
-    thresholds : Thresholds, optional
-
-    Returns
-    -------
-    Choice
-
-    Raises
-    ------
-    TwingapError
-        For negative numbers or no fault.
     """
     counts = {"each fault": n_labelled_per_class} if isinstance(n_labelled_per_class, int) else n_labelled_per_class
     if not counts or min(counts.values()) < 0 or n_healthy_windows < 0:

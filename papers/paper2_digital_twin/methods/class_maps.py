@@ -22,15 +22,9 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class ClassMaps:
-    """One map for each class, in a common scaling.
+    """One map for each class, in a common scaling."""
 
-    Parameters
-    ----------
-    maps : tuple[FeatureMap or None, ...]
-        By class; None for a class without a record, which is never answered.
-    """
-
-    maps: tuple[FeatureMap | None, ...]
+    maps: tuple[FeatureMap | None, ...]  # by class; None for a class without a record, which is never answered
 
     def mqe(self, features: Array) -> Array:
         """Distance to each class's map [records, classes]; infinite where there is none."""
@@ -53,9 +47,6 @@ def fit_class_maps(
     ----------
     features : Array [records, features]
     labels : NDArray[int64] [records]
-    n_classes : int
-    options : MapOptions
-    rng : numpy.random.Generator
     """
     scaling = scaling_of(features, options.least_spread)
     maps = [

@@ -62,8 +62,6 @@ def line_features(found: Modulation, bearing: Bearing, options: ImageOptions) ->
 
     Parameters
     ----------
-    found : Modulation
-    bearing : Bearing
     options : ImageOptions
         As given to `modulation`.
 

@@ -22,20 +22,11 @@ FOLDS: Final = 3
 
 @dataclass(frozen=True)
 class FewLabels:
-    """A fitted classifier.
-
-    Parameters
-    ----------
-    pipeline : sklearn Pipeline
-    settings : dict[str, Any]
-        Chosen, or the default.
-    cross_validated : float or None
-        Balanced accuracy over folds without a shared recording; None where there were too few to cut any.
-    n_classes : int
-    """
+    """A fitted classifier."""
 
     pipeline: Any
-    settings: dict[str, Any]
+    settings: dict[str, Any]  # chosen, or the default
+    # balanced accuracy over folds without a shared recording; None where there were too few to cut any
     cross_validated: float | None
     n_classes: int
 
@@ -62,7 +53,6 @@ def fit_few_labels(features: Array, labels: NDArray[np.int64], groups: NDArray[n
         Of two classes or more.
     groups : NDArray[str] [records]
         Recording of each.
-    n_classes : int
     """
     from sklearn.model_selection import GridSearchCV, StratifiedGroupKFold
     from sklearn.pipeline import make_pipeline

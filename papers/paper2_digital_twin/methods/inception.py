@@ -62,7 +62,6 @@ class InceptionNet(nn.Module):
     ----------
     shape : (int, int, int)
         Channels, carriers, orders of an image; at least 16 orders and 8 carriers.
-    n_classes : int
     width : int
         Of the branches of the first block; the others have twice as much.
 
@@ -96,25 +95,14 @@ class InceptionNet(nn.Module):
 
 @dataclass(frozen=True)
 class InceptionTraining:
-    """How to train.
-
-    Parameters
-    ----------
-    steps, batch : int
-    learning_rate, weight_decay : float
-        Of AdamW.
-    checkpoints : int
-        States kept for selection, evenly spaced over the second half of training and its end.
-    width : int
-        Of the network.
-    """
+    """How to train."""
 
     steps: int = 400
     batch: int = 64
-    learning_rate: float = 2e-3
+    learning_rate: float = 2e-3  # learning_rate, weight_decay: of AdamW
     weight_decay: float = 1e-3
-    checkpoints: int = 5
-    width: int = 6
+    checkpoints: int = 5  # states kept for selection, evenly spaced over the second half of training and its end
+    width: int = 6  # of the network
 
 
 def train_inception(

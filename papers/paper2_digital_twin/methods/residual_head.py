@@ -30,22 +30,14 @@ STEPS: Final = 500
 
 @dataclass(frozen=True)
 class HeadOptions:
-    """The process.
+    """The process."""
 
-    Parameters
-    ----------
-    length : float
-        Distance at which two records are no longer correlated, in standard deviations of a feature, root mean
-        square over features.
-    variance : float
-        Of the corrections, logits squared.
-    trust : float
-        By what the network's log probabilities are multiplied: one trained on simulations alone is too sure of itself.
-        0: the head without the network.
-    """
-
+    # distance at which two records are no longer correlated, in standard deviations of a feature, root mean square over
+    # features
     length: float = 0.5
-    variance: float = 10.0
+    variance: float = 10.0  # of the corrections, logits squared
+    # By what the network's log probabilities are multiplied: one trained on simulations alone is too sure of itself. 0:
+    # the head without the network.
     trust: float = 0.5
 
     def __post_init__(self) -> None:
@@ -55,24 +47,13 @@ class HeadOptions:
 
 @dataclass(frozen=True)
 class ResidualHead:
-    """A fitted head.
-
-    Parameters
-    ----------
-    options : HeadOptions
-    mean, scale : Array [features]
-        Taken from the features and divided by.
-    at : Array [labelled, features]
-        Scaled features of the labelled records.
-    weights : Array [labelled, classes]
-        Of their kernels.
-    """
+    """A fitted head."""
 
     options: HeadOptions
-    mean: Array
+    mean: Array  # mean, scale: [features] taken from the features and divided by
     scale: Array
-    at: Array
-    weights: Array
+    at: Array  # [labelled, features] scaled features of the labelled records
+    weights: Array  # [labelled, classes] of their kernels
 
     def probabilities(self, logits: Array, features: Array) -> Array:
         """Of each class [records, classes], from the network's logits [records, classes] and features."""
@@ -86,6 +67,8 @@ def fit_residual_head(
 ) -> ResidualHead:
     """Fit to labelled records.
 
+    Raises `ValueError` without labelled records, or when arrays do not match.
+
     Parameters
     ----------
     logits : Array [labelled, classes]
@@ -95,17 +78,11 @@ def fit_residual_head(
         Each class weighs alike, as much as the median class has records: those at hand are not how often faults are.
     reference : Array [records, features]
         Records of the machine that set the features' scale, labelled or not.
-    options : HeadOptions, optional
 
     Returns
     -------
     ResidualHead
         The same for the same records.
-
-    Raises
-    ------
-    ValueError
-        Without labelled records, or when arrays do not match.
     """
     own = options or HeadOptions()
     if len(labels) == 0 or not len(logits) == len(features) == len(labels):

@@ -41,24 +41,12 @@ _FLOOR_ORDERS = 1.0
 
 @dataclass(frozen=True)
 class ImageOptions:
-    """What an image shows.
+    """What an image shows."""
 
-    Parameters
-    ----------
-    turns : int
-        Of the shaft in a piece; 1 / turns is the distance of its orders.
-    highest_order : float
-        Last column.
-    carriers : int
-        Rows, their frequencies in geometric progression.
-    lowest, highest : float
-        First and last carrier, as a share of the sampling rate.
-    """
-
-    turns: int = 8
-    highest_order: float = 12.0
-    carriers: int = 16
-    lowest: float = 0.06
+    turns: int = 8  # of the shaft in a piece; 1 / turns is the distance of its orders
+    highest_order: float = 12.0  # last column
+    carriers: int = 16  # rows, their frequencies in geometric progression
+    lowest: float = 0.06  # lowest, highest: first and last carrier, as a share of the sampling rate
     highest: float = 0.42
 
     def __post_init__(self) -> None:
@@ -81,19 +69,12 @@ class ImageOptions:
 
 @dataclass(frozen=True)
 class Modulation:
-    """Order spectra of the pieces of one recording, before they become images.
+    """Order spectra of the pieces of one recording, before they become images."""
 
-    Parameters
-    ----------
-    lines : Array [pieces, carriers, orders]
-        Power of the normalised squared envelope over what stationary Gaussian noise would show; 1 is noise (up to 15 %
-        more on a carrier so high that its band reaches beyond half the sampling rate).
-    power : Array [pieces, carriers]
-        Mean power of each row, unit of the samples squared.
-    """
-
+    # [pieces, carriers, orders] power of the normalised squared envelope over what stationary Gaussian noise would
+    # show; 1 is noise (up to 15 % more on a carrier so high that its band reaches beyond half the sampling rate)
     lines: Array
-    power: Array
+    power: Array  # [pieces, carriers] mean power of each row, unit of the samples squared
 
     def __len__(self) -> int:
         return len(self.lines)
@@ -114,17 +95,12 @@ def pieces_of(x: Array, length: int) -> Array:
 def modulation(x: Array, fs_hz: float, speed_rpm: float, options: ImageOptions) -> Modulation:
     """Scalogram of each piece and the order spectrum of each of its rows.
 
+    Raises `TwingapError` for pieces longer than `options.turns`, or samples that are not finite.
+
     Parameters
     ----------
     x : Array [pieces, samples]
         A piece that is shorter than `options.turns` shows the same orders, with less resolution.
-    fs_hz, speed_rpm : float
-    options : ImageOptions
-
-    Raises
-    ------
-    TwingapError
-        For pieces longer than `options.turns`, or samples that are not finite.
     """
     full = options.piece_samples(fs_hz, speed_rpm)
     if x.shape[-1] > full:
@@ -150,10 +126,8 @@ def images(found: Modulation, healthy_power: Array, options: ImageOptions) -> Im
 
     Parameters
     ----------
-    found : Modulation
     healthy_power : Array [carriers]
         Of the same machine in good order: its baseline.
-    options : ImageOptions
 
     Returns
     -------

@@ -25,49 +25,28 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class MapOptions:
-    """How a map is made.
+    """How a map is made."""
 
-    Parameters
-    ----------
-    side : int
-        Units along each side of the square grid, at least 2.
-    epochs : int
-        Passes over the windows.
-    learning_rate : float
-        At the start; it decays with the passes.
-    least_spread : float
-        Added in quadrature to the spread of each feature, in the features' own unit: what one recording holds still
-        need not be still in the next. 0.115 nepers, 1 dB, suits logarithms of levels.
-    """
-
-    side: int = 6
-    epochs: int = 20
-    learning_rate: float = 0.5
+    side: int = 6  # units along each side of the square grid, at least 2
+    epochs: int = 20  # passes over the windows
+    learning_rate: float = 0.5  # at the start; it decays with the passes
+    # Added in quadrature to the spread of each feature, in the features' own unit: what one recording holds still need
+    # not be still in the next. 0.115 nepers, 1 dB, suits logarithms of levels.
     least_spread: float = 0.0
 
     def __post_init__(self) -> None:
         if self.side < 2 or self.epochs < 1 or not 0 < self.learning_rate <= 1 or self.least_spread < 0:
             raise TwingapError(
-                f"{self}",
-                where="map options",
-                mend="use a side of 2 or more, an epoch or more, a rate between 0 and 1",
+                f"{self}", where="map options", mend="use a side of 2 or more, an epoch or more, a rate between 0 and 1"
             )
 
 
 @dataclass(frozen=True)
 class FeatureMap:
-    """A trained map, with the scaling in front of it.
+    """A trained map, with the scaling in front of it."""
 
-    Parameters
-    ----------
-    weights : Array [units, features]
-        In scaled features.
-    centre, spread : Array [features]
-        Mean and standard deviation of the features it was trained on.
-    """
-
-    weights: Array
-    centre: Array
+    weights: Array  # [units, features] in scaled features
+    centre: Array  # centre, spread: [features] mean and standard deviation of the features it was trained on
     spread: Array
 
     def mqe(self, features: Array) -> Array:
@@ -94,20 +73,16 @@ def fit_map(
 ) -> FeatureMap:
     """Train a map on windows of one state.
 
+    Raises `TwingapError` for features that are not finite.
+
     Parameters
     ----------
     features : Array [windows, features]
         Of one window or more; with fewer windows than units, the grid shrinks until it has no more units than windows.
-    options : MapOptions
     rng : numpy.random.Generator
         Drawn from once, for the order of the windows.
     scaling : (Array, Array) or None
         Centre and spread [features]; those of `features` when None. Maps that are compared need a common one.
-
-    Raises
-    ------
-    TwingapError
-        For features that are not finite.
     """
     x = np.atleast_2d(np.asarray(features, dtype=np.float64))
     if x.size == 0 or not np.isfinite(x).all():
@@ -143,10 +118,7 @@ def conformal_threshold(scores: Array, false_alarm: float) -> float:
     The k-th smallest of n scores, k = ceil((n + 1) (1 - false_alarm)): one more score of the same kind exceeds it with
     a probability of at most `false_alarm` (exactly 1 - k / (n + 1) without ties).
 
-    Raises
-    ------
-    TwingapError
-        For a rate outside 0 to 1, or fewer scores than the rate needs (99 for 1 %).
+    Raises `TwingapError` for a rate outside 0 to 1, or fewer scores than the rate needs (99 for 1 %).
     """
     if not 0 < false_alarm < 1:
         raise TwingapError(f"false_alarm = {false_alarm!r}, a fraction between 0 and 1 expected", where="threshold")
@@ -163,23 +135,12 @@ def conformal_threshold(scores: Array, false_alarm: float) -> float:
 
 @dataclass(frozen=True)
 class HealthyMap:
-    """A map of healthy vibration with its alarm.
+    """A map of healthy vibration with its alarm."""
 
-    Parameters
-    ----------
-    map : FeatureMap
-        Of all healthy windows.
-    threshold : float
-        MQE above which a window alarms.
-    false_alarm : float
-        Rate for which it was set, a window.
-    held_out : Array [windows]
-        MQE of each healthy window against a map that saw nothing of its group: what the threshold was read off.
-    """
-
-    map: FeatureMap
-    threshold: float
-    false_alarm: float
+    map: FeatureMap  # of all healthy windows
+    threshold: float  # MQE above which a window alarms
+    false_alarm: float  # rate for which it was set, a window
+    # [windows] MQE of each healthy window against a map that saw nothing of its group: what the threshold was read off
     held_out: Array
 
     def mqe(self, features: Array) -> Array:
@@ -209,6 +170,8 @@ def healthy_map(
 ) -> HealthyMap:
     """Train on healthy windows and calibrate the alarm on healthy windows held out.
 
+    Raises `TwingapError` for fewer windows than the rate needs.
+
     Parameters
     ----------
     features : Array [windows, features]
@@ -218,14 +181,6 @@ def healthy_map(
         holds for that recording alone.
     false_alarm : float
         Rate for a window.
-    rng : numpy.random.Generator
-    options : MapOptions, optional
-    blocks : int
-
-    Raises
-    ------
-    TwingapError
-        For fewer windows than the rate needs.
     """
     own = options or MapOptions()
     parts: NDArray[np.str_] | NDArray[np.int64] = groups

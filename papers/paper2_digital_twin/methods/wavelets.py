@@ -16,6 +16,8 @@ def scalogram(
 ) -> Array:
     """Modulus of the continuous wavelet transform with the complex Morlet wavelet.
 
+    Raises `TwingapError` for NaN, infinities, or frequencies out of range.
+
     Parameters
     ----------
     x : array_like [..., samples]
@@ -33,11 +35,6 @@ def scalogram(
     -------
     Array [..., frequencies, samples]
         Peak amplitude, unit of x: a tone of amplitude A reads A in its row, away from the record's ends.
-
-    Raises
-    ------
-    TwingapError
-        For NaN, infinities, or frequencies out of range.
     """
     import pywt
 

@@ -25,7 +25,7 @@ from papers.paper3_zoa_dann.comparison.task_files import Material, TaskFile, loa
 from papers.paper3_zoa_dann.comparison.trial import ALL, CLOSED, Trial, noise_words, run_trial
 from papers.paper3_zoa_dann.inputs.options import Options as Common
 from papers.paper3_zoa_dann.inputs.options import read_options as read_common
-from papers.paper3_zoa_dann.job import Identification, identify_twin, windows_digest
+from papers.paper3_zoa_dann.job import Identification, identified
 from papers.paper3_zoa_dann.source import FREE, Recipe
 from papers.paper3_zoa_dann.tasks import Target
 from twingap.adapt import ModeInputs, Training
@@ -115,20 +115,10 @@ def read_options(path: Path = CONFIG) -> Options:
 
 @dataclass(frozen=True)
 class TaskOutcome:
-    """All that came out of one task.
-
-    Parameters
-    ----------
-    task : TaskFile
-    data : str
-        What stands beside every number.
-    materials : Mapping[Key, Material]
-    identified : Mapping[Key, Mapping[str, float]]
-    trials : Sequence[Result[Trial]]
-    """
+    """All that came out of one task."""
 
     task: TaskFile
-    data: str
+    data: str  # what stands beside every number
     materials: Mapping[Key, Material]
     identified: Mapping[Key, Mapping[str, float]]
     trials: Sequence[Result[Trial]]
@@ -136,23 +126,12 @@ class TaskOutcome:
 
 @dataclass(frozen=True)
 class Cell:
-    """What one identification and one set of simulated records serve.
-
-    Parameters
-    ----------
-    available : str
-    unseen : float or None
-        Size left out of adaptation.
-    seeds : tuple[int, ...]
-        Of the trials without noise.
-    noise_seeds : tuple[tuple[int, ...], ...]
-        Of those at each noise level.
-    """
+    """What one identification and one set of simulated records serve."""
 
     available: str
-    unseen: float | None
-    seeds: tuple[int, ...]
-    noise_seeds: tuple[tuple[int, ...], ...]
+    unseen: float | None  # size left out of adaptation
+    seeds: tuple[int, ...]  # of the trials without noise
+    noise_seeds: tuple[tuple[int, ...], ...]  # of those at each noise level
 
 
 def cells(task: TaskFile, size: Size, seed: int) -> Iterator[Cell]:
@@ -194,30 +173,18 @@ def trials(
 
 @dataclass(frozen=True)
 class Prepared:
-    """A cell, ready for trials.
-
-    Parameters
-    ----------
-    cell : Cell
-    material : Material
-    identified : Mapping[str, float]
-    recipe : Recipe
-        Of the simulated records.
-    """
+    """A cell, ready for trials."""
 
     cell: Cell
     material: Material
     identified: Mapping[str, float]
-    recipe: Recipe
+    recipe: Recipe  # of the simulated records
 
 
 def load_tasks(work: Work) -> list[tuple[TaskFile, Target]]:
     """The profile's tasks, as far as their data are at hand; task files lie beside the configuration.
 
-    Raises
-    ------
-    TwingapError
-        When there are none.
+    Raises `TwingapError` when there are none.
     """
     found: list[tuple[TaskFile, Target]] = []
     missing = []
@@ -248,15 +215,10 @@ def prepared(
     for cell in chosen:
         own = material(task, target.records, cell.available, cell.unseen)
         # Identified on what is adapted to and on nothing else; without added noise, as in a quiet hour.
-        (identification,) = work.sweep(
-            identify_twin,
-            [Identification(task.name, bearing, task.classes, source, common.identification, size.evaluations)],
-            {"adapt": (own.adapt, windows_digest([own.adapt]))},
-            what=f"identifying the twin, {task.name}",
-            backend="sequential",
-        )
+        asked = Identification(task.name, bearing, task.classes, source, common.identification, size.evaluations)
+        parameters = identified(work, asked, own.adapt, task.name)
         recipe = Recipe(
-            **{name: identification.value[name] for name in FREE},
+            **{name: parameters[name] for name in FREE},
             # Of the machine to be diagnosed: its speed is known without any label.
             speeds_rpm=tuple(sorted({float(speed) for speed in own.evaluate.speed_rpm})),
             fs_hz=task.fs_hz,
@@ -268,7 +230,7 @@ def prepared(
             window_samples=task.window_samples,
             seed=work.seed,
         )
-        yield Prepared(cell, own, identification.value, recipe)
+        yield Prepared(cell, own, parameters, recipe)
 
 
 @contextmanager
@@ -341,13 +303,8 @@ def _log_trial(log: Run, found: Result[Trial]) -> None:
         curves = {name: number for name, number in row.items() if name != "step"}
         log.metrics({**curves, "accuracy at checkpoint": accuracy}, step=round(row["step"]))
     unseen = value["unseen"] or {}
-    log.metrics(
-        {
-            "accuracy": value["accuracy"],
-            "balanced accuracy": value["balanced_accuracy"],
-            "oracle accuracy": value["oracle_accuracy"],
-            "accuracy, unseen bearings": unseen.get("accuracy"),
-            "source accuracy at choice": value["source_accuracy"],
-            "seconds": found.seconds,
-        }
-    )
+    log.metrics({
+        "accuracy": value["accuracy"], "balanced accuracy": value["balanced_accuracy"],
+        "oracle accuracy": value["oracle_accuracy"], "accuracy, unseen bearings": unseen.get("accuracy"),
+        "source accuracy at choice": value["source_accuracy"], "seconds": found.seconds,
+    })  # fmt: skip

@@ -23,11 +23,6 @@ def with_noise(windows: Windows, snr_db: float, rng: np.random.Generator) -> Win
     snr_db : float
         10 log10 of the variance of a recording (all its windows here, each without its mean) over that of the noise:
         one level a recording, so that its quiet stretches drown first. Infinity adds none.
-    rng : numpy.random.Generator
-
-    Returns
-    -------
-    Windows
     """
     centred = windows.samples - windows.samples.mean(axis=1, keepdims=True)
     sd = np.empty(len(windows))

@@ -16,13 +16,13 @@ import numpy as np
 import pandas as pd
 
 from papers.framework import Work
+from papers.intervals import intervals, std
 from papers.paper3_zoa_dann.comparison.jobs import Key, Options, TaskOutcome
 from papers.paper3_zoa_dann.comparison.trial import ALL, ANALYST, OWN, noise_words
 from papers.paper3_zoa_dann.inputs.options import Options as Common
 from papers.paper3_zoa_dann.inputs.options import read_options as read_common
-from papers.paper3_zoa_dann.inputs.tables import std
 from papers.paper3_zoa_dann.significance import holm, sign_flip
-from twingap.adapt import CRITERIA, t_interval
+from twingap.adapt import CRITERIA
 
 ORDER: Final = ("balanced", "imbalanced", "scarce")
 CLEAN: Final = noise_words(None)
@@ -45,18 +45,13 @@ def tables_of(options: Options, common: Common, outcomes: Sequence[TaskOutcome])
     runs, levels = trials(outcomes), common.judging.levels
     means = family_means(runs, options, levels)
     return {
-        "comparison-trials": runs,
-        "comparison-tasks": tasks(outcomes),
-        "comparison-accuracy": by_task(runs, levels),
-        "comparison-mean": means,
-        "comparison-low-noise": at_noise(runs, options.low_noise_db, levels),
+        "comparison-trials": runs, "comparison-tasks": tasks(outcomes), "comparison-accuracy": by_task(runs, levels),
+        "comparison-mean": means, "comparison-low-noise": at_noise(runs, options.low_noise_db, levels),
         "comparison-high-noise": at_noise(runs, options.high_noise_db, levels),
-        "comparison-tests": tests(runs, options, levels),
-        "comparison-selection": selection(runs),
-        "comparison-published": published(means, options),
-        "comparison-confusion": confusion(outcomes, options),
+        "comparison-tests": tests(runs, options, levels), "comparison-selection": selection(runs),
+        "comparison-published": published(means, options), "comparison-confusion": confusion(outcomes, options),
         "comparison-identification": identified(outcomes),
-    }
+    }  # fmt: skip
 
 
 def trials(outcomes: Sequence[TaskOutcome]) -> pd.DataFrame:
@@ -66,45 +61,28 @@ def trials(outcomes: Sequence[TaskOutcome]) -> pd.DataFrame:
         for found in outcome.trials:
             job, value = found.job, found.value
             unseen = value["unseen"] or {}
-            rows.append(
-                {
-                    "data": outcome.data,
-                    "family": outcome.task.family,
-                    "task": job.task,
-                    "available": job.available,
-                    "unseen": np.nan if job.unseen is None else job.unseen,
-                    "main": (job.unseen is None) == outcome.task.same_bearings,
-                    "noise": noise_words(job.snr_db),
-                    "snr_db": np.inf if job.snr_db is None else job.snr_db,
-                    "method": job.method,
-                    "seed": job.seed,
-                    "accuracy": value["accuracy"],
-                    "balanced": value["balanced_accuracy"],
-                    "oracle": value["oracle_accuracy"],
-                    "strict": unseen.get("accuracy", np.nan),
-                    "strict_oracle": unseen.get("oracle_accuracy", np.nan),
-                    "recordings_right": value["recordings_right"],
-                    "recordings": value["recordings"],
-                    "source_accuracy": np.nan if value["source_accuracy"] is None else value["source_accuracy"],
-                    **{f"by {name}": value["accuracy_by_criterion"].get(name, np.nan) for name in CRITERIA},
-                }
-            )
+            rows.append({
+                "data": outcome.data, "family": outcome.task.family, "task": job.task, "available": job.available,
+                "unseen": np.nan if job.unseen is None else job.unseen,
+                "main": (job.unseen is None) == outcome.task.same_bearings, "noise": noise_words(job.snr_db),
+                "snr_db": np.inf if job.snr_db is None else job.snr_db, "method": job.method, "seed": job.seed,
+                "accuracy": value["accuracy"], "balanced": value["balanced_accuracy"],
+                "oracle": value["oracle_accuracy"], "strict": unseen.get("accuracy", np.nan),
+                "strict_oracle": unseen.get("oracle_accuracy", np.nan), "recordings_right": value["recordings_right"],
+                "recordings": value["recordings"],
+                "source_accuracy": np.nan if value["source_accuracy"] is None else value["source_accuracy"],
+                **{f"by {name}": value["accuracy_by_criterion"].get(name, np.nan) for name in CRITERIA},
+            })  # fmt: skip
     return _sorted(pd.DataFrame(rows))
 
 
 def _sorted(runs: pd.DataFrame) -> pd.DataFrame:
     """In the order of tasks, states, noise (none first), methods, seeds."""
-    keys = pd.DataFrame(
-        {
-            "task": runs["task"],
-            "main": ~runs["main"],
-            "available": _place(runs["available"], ORDER),
-            "unseen": runs["unseen"].fillna(-1.0),
-            "noise": -runs["snr_db"],
-            "method": _place(runs["method"], ALL),
-            "seed": runs["seed"],
-        }
-    )
+    keys = pd.DataFrame({
+        "task": runs["task"], "main": ~runs["main"], "available": _place(runs["available"], ORDER),
+        "unseen": runs["unseen"].fillna(-1.0), "noise": -runs["snr_db"], "method": _place(runs["method"], ALL),
+        "seed": runs["seed"],
+    })  # fmt: skip
     return runs.loc[keys.sort_values(list(keys.columns), kind="stable").index].reset_index(drop=True)
 
 
@@ -113,14 +91,10 @@ def _place(column: pd.Series[Any], order: Sequence[str]) -> pd.Series[Any]:
     return column.map(lambda name: order.index(name) if name in order else len(order))
 
 
-def _summary(values: Iterable[float], levels: Sequence[float], name: str = "accuracy") -> dict[str, float]:
+def _summary(values: Iterable[float], levels: Sequence[float]) -> dict[str, float]:
     """Mean, standard deviation, and Student's intervals over seeds, cut at 0 and 1."""
     held = [float(v) for v in values]
-    row = {name: float(np.mean(held)), f"{name}_std": std(held)}
-    for level in levels:
-        low, high = t_interval(held, level)
-        row[f"low_{100 * level:.0f}"], row[f"high_{100 * level:.0f}"] = max(low, 0.0), min(high, 1.0)
-    return row
+    return {"accuracy": float(np.mean(held)), "accuracy_std": std(held), **intervals(held, levels, 0.0, 1.0)}
 
 
 def by_task(runs: pd.DataFrame, levels: Sequence[float]) -> pd.DataFrame:
@@ -243,10 +217,7 @@ def tests(runs: pd.DataFrame, options: Options, levels: Sequence[float]) -> pd.D
                     "won": int((difference > 0).sum()), "lost": int((difference < 0).sum()),
                     "p": sign_flip(difference.to_numpy()),
                 }  # fmt: skip
-                for level in levels:
-                    low, high = t_interval([100 * float(v) for v in seeds], level)
-                    row[f"lead_low_{100 * level:.0f}"], row[f"lead_high_{100 * level:.0f}"] = low, high
-                found.append(row)
+                found.append(row | intervals([100 * float(v) for v in seeds], levels, name="lead_"))
             for row, corrected in zip(found, holm([row["p"] for row in found]), strict=True):
                 rows.append({**row, "p_holm": corrected})
     return pd.DataFrame(rows)

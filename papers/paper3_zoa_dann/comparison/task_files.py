@@ -39,62 +39,29 @@ Counts = Mapping[str, int]
 class TaskFile:
     """A task, as its file says it.
 
-    Parameters
-    ----------
-    name, title : str
-        Short, and in words.
-    family : {"A", "B"}
-        Tasks over which a mean is taken, and which published mean stands beside it.
-    data_set : str
-        By its name in `twingap.data`.
-    fs_hz : float
-        Rate to which recordings are brought.
-    classes : tuple[str, ...]
-        Faults in the order of their labels, "healthy" among them.
-    window_samples : int
-    condition : str
-        Column (or speed_rpm) that tells the machine's conditions apart.
-    adapt_at, judge_at : tuple[float, ...]
-        Conditions whose faulty recordings are adapted to, and judged on.
-    healthy_adapt_at, healthy_judge_at : tuple[float, ...]
-        The same of healthy recordings.
-    size : str
-        Column that tells the bearings of one fault apart.
-    sizes : tuple[float, ...]
-        Its values; each is one bearing of each fault.
-    same_bearings : bool
-        Whether, outside the strict column, bearings that are judged are also adapted to (in other recordings).
-    width_mm : (float, float)
-        Range of the virtual bearings' defect widths.
-    judged : dict[str, int]
-        Windows to judge on, by class.
-    available : dict[str, dict[str, int]]
-        What there is to adapt to, by name: windows by class.
-
-    Raises
-    ------
-    TwingapError
-        For counts of other classes, or adaptation and judgement that would share recordings.
+    Raises `TwingapError` for counts of other classes, or adaptation and judgement that would share recordings.
     """
 
-    name: str
-    title: str
+    name: str  # short
+    title: str  # in words
+    # "A", "B": tasks over which a mean is taken, and which published mean stands beside it.
     family: Literal["A", "B"]
-    data_set: str
-    fs_hz: float
-    classes: tuple[str, ...]
+    data_set: str  # by its name in `twingap.data`
+    fs_hz: float  # rate to which recordings are brought
+    classes: tuple[str, ...]  # faults in the order of their labels, "healthy" among them
     window_samples: int
-    condition: str
-    adapt_at: tuple[float, ...]
-    healthy_adapt_at: tuple[float, ...]
+    condition: str  # column (or speed_rpm) that tells the machine's conditions apart
+    adapt_at: tuple[float, ...]  # adapt_at, judge_at: conditions whose faulty recordings are adapted to, and judged on
+    healthy_adapt_at: tuple[float, ...]  # healthy_adapt_at, healthy_judge_at: the same of healthy recordings
     judge_at: tuple[float, ...]
     healthy_judge_at: tuple[float, ...]
-    size: str
-    sizes: tuple[float, ...]
+    size: str  # column that tells the bearings of one fault apart
+    sizes: tuple[float, ...]  # its values; each is one bearing of each fault
+    # whether, outside the strict column, bearings that are judged are also adapted to (in other recordings)
     same_bearings: bool
-    width_mm: tuple[float, ...]
-    judged: dict[str, int]
-    available: dict[str, dict[str, int]]
+    width_mm: tuple[float, ...]  # range of the virtual bearings' defect widths
+    judged: dict[str, int]  # windows to judge on, by class
+    available: dict[str, dict[str, int]]  # what there is to adapt to, by name: windows by class
 
     def __post_init__(self) -> None:
         for fault in self.classes:
@@ -161,9 +128,11 @@ class Material(Measured):
 def load_recordings(task: TaskFile, root: Path | None, surrogate: TargetOptions, duration_s: float) -> Target | None:
     """The recordings of a task's data set.
 
+    Raises `TwingapError` when what is needed is there in part or cannot be read, or has a stand-in and `root` is given
+    without it: who names data wants those used.
+
     Parameters
     ----------
-    task : TaskFile
     root : Path or None
         Data root; TWINGAP_DATA when None.
     surrogate : TargetOptions
@@ -175,12 +144,6 @@ def load_recordings(task: TaskFile, root: Path | None, surrogate: TargetOptions,
     -------
     Target or None
         None where neither the data nor a stand-in are at hand.
-
-    Raises
-    ------
-    TwingapError
-        When what is needed is there in part or cannot be read, or has a stand-in and `root` is given without it: who
-        names data wants those used.
     """
     try:
         records = data.load(task.data_set, root, fs_hz=task.fs_hz)
@@ -199,17 +162,12 @@ def load_recordings(task: TaskFile, root: Path | None, surrogate: TargetOptions,
 def split(task: TaskFile, records: RecordSet, unseen: float | None) -> tuple[Task, RecordSet]:
     """Recordings to adapt to and to judge on; those to adapt to once more, labelled, for `material` alone.
 
+    Raises `TwingapError` when a recording would be on both sides, or a class is missing on one.
+
     Parameters
     ----------
-    task : TaskFile
-    records : RecordSet
     unseen : float or None
         Size whose bearings are left out of adaptation and, but for healthy ones, alone are judged.
-
-    Raises
-    ------
-    TwingapError
-        When a recording would be on both sides, or a class is missing on one.
     """
     if unseen is None and not task.same_bearings:
         raise TwingapError("adapts to the conditions it is judged at: some bearings must be left out", where=task.name)
@@ -232,7 +190,6 @@ def material(task: TaskFile, records: RecordSet, available: str, unseen: float |
 
     Parameters
     ----------
-    task : TaskFile
     records : RecordSet
         Labelled.
     available : str

@@ -19,9 +19,10 @@ from typing import Any, Final
 
 import numpy as np
 
+from papers.embedding import embed
 from papers.paper3_zoa_dann.comparison.noise import with_noise
 from papers.paper3_zoa_dann.comparison.task_files import Material
-from papers.paper3_zoa_dann.job import embed, spread
+from papers.paper3_zoa_dann.job import spread
 from papers.paper3_zoa_dann.source import Recipe, simulate
 from papers.paper3_zoa_dann.yardsticks import analyst
 from twingap.adapt import (
@@ -58,47 +59,21 @@ FINEST: Final = 1000.0
 
 @dataclass(frozen=True)
 class Trial:
-    """What is run.
-
-    Parameters
-    ----------
-    task : str
-    available : str
-        State of the unlabelled data: "balanced", "imbalanced" or "scarce".
-    unseen : float or None
-        Size whose bearings are left out of adaptation.
-    method : str
-        One of `ALL`.
-    seed : int
-    snr_db : float or None
-        Of the noise added to all target windows; None = none.
-    training : Training
-    inputs : ModeInputs
-    criterion : str
-        By which a checkpoint is chosen.
-    held_out : float
-        Share of virtual bearings kept for source validation.
-    false_alarm : float
-        Of the analyst's rule.
-    recipe : Recipe
-        Of the simulated windows.
-    embedded : int
-        Windows per domain to embed by t-SNE; 0 for none.
-    """
+    """What is run."""
 
     task: str
-    available: str
-    unseen: float | None
-    method: str
+    available: str  # state of the unlabelled data: "balanced", "imbalanced" or "scarce"
+    unseen: float | None  # size whose bearings are left out of adaptation
+    method: str  # one of `ALL`
     seed: int
-    snr_db: float | None
+    snr_db: float | None  # of the noise added to all target windows; None = none
     training: Training
     inputs: ModeInputs
-    criterion: str
-    held_out: float
-    false_alarm: float
-    recipe: Recipe
-    embedded: int = 0
+    criterion: str  # by which a checkpoint is chosen
+    held_out: float  # share of virtual bearings kept for source validation
+    false_alarm: float  # of the analyst's rule
+    recipe: Recipe  # of the simulated windows
+    embedded: int = 0  # windows per domain to embed by t-SNE; 0 for none
 
     @property
     def words(self) -> str:
@@ -125,8 +100,6 @@ def run_trial(trial: Trial, material: Material, device: str = "auto", modes: Pat
 
     Parameters
     ----------
-    trial : Trial
-    material : Material
     device : str
         "auto" (a GPU when there is one), "cpu" or "cuda". Where, not what: it is no part of the key.
     modes : Path, optional

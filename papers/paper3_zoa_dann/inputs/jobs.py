@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 
 from papers.logs import log_checkpoints, log_method
 from papers.paper3_zoa_dann.inputs.options import Options, Profile
-from papers.paper3_zoa_dann.job import Identification, Job, Measured, identify_twin, train_and_judge, windows_digest
+from papers.paper3_zoa_dann.job import Identification, Job, Measured, identified, train_and_judge, windows_digest
 from papers.paper3_zoa_dann.source import FREE, Recipe
 from papers.paper3_zoa_dann.tasks import Target, Task, load_target, make_tasks
 from papers.paper3_zoa_dann.yardsticks import analyst, majority
@@ -45,34 +45,17 @@ LABELS: Final = {"source_only": "Non-DA", "dann": "DANN"}
 
 @dataclass(frozen=True)
 class TaskResult:
-    """All that came out of one task.
-
-    Parameters
-    ----------
-    task : Task
-    measured : Measured
-    identified : Mapping[str, float]
-    recipe : Recipe
-    trainings : list[Result[Job]]
-        In the order input, method, seed.
-    majority : float
-        Accuracy of calling everything the most frequent class.
-    analyst : Scores
-        Of the analyst's rule on the same windows.
-    analyst_whole : Scores
-        Of the same rule on whole recordings.
-    analyst_calls, analyst_whole_calls : Array [windows, classes], [recordings, classes]
-        What that rule called each, one-hot.
-    """
+    """All that came out of one task."""
 
     task: Task
     measured: Measured
     identified: Mapping[str, float]
     recipe: Recipe
-    trainings: list[Result[Job]]
-    majority: float
-    analyst: Scores
-    analyst_whole: Scores
+    trainings: list[Result[Job]]  # in the order input, method, seed
+    majority: float  # accuracy of calling everything the most frequent class
+    analyst: Scores  # of the analyst's rule on the same windows
+    analyst_whole: Scores  # of the same rule on whole recordings
+    # analyst_calls, analyst_whole_calls: [windows, classes] what that rule called each, one-hot
     analyst_calls: NDArray[np.float64]
     analyst_whole_calls: NDArray[np.float64]
 
@@ -96,21 +79,16 @@ def results(work: Work) -> list[TaskResult]:
     bearing, found = records.bearing, []
     for task in make_tasks(size.tasks, records):
         own = _measured(task, options, size)
-        (identification,) = work.sweep(
-            identify_twin,
-            [Identification(
-                task.name, bearing, options.target.classes, options.source, options.identification, size.evaluations
-            )],
-            {"adapt": (own.adapt, windows_digest([own.adapt]))},
-            what=f"identifying the twin, {task.title}",
-            backend="sequential",
-        )  # fmt: skip
-        recipe = _recipe(identification.value, task, options, size, bearing, work.seed)
+        asked = Identification(
+            task.name, bearing, options.target.classes, options.source, options.identification, size.evaluations
+        )
+        parameters = identified(work, asked, own.adapt, task.title)
+        recipe = _recipe(parameters, task, options, size, bearing, work.seed)
         trainings = work.sweep(
             train_and_judge, _jobs(task, recipe, options, size, work.seed), {"measured": (own, own.digest)},
             lambda j: f"{j.task}, {j.view}, {j.method}, seed {j.seed}", f"training, {task.title}",
         )  # fmt: skip
-        found.append(_judged(task, own, identification.value, recipe, trainings, options, records))
+        found.append(_judged(task, own, parameters, recipe, trainings, options, records))
         _log_task(work.log, found[-1])
     return found
 
@@ -170,17 +148,10 @@ def _judged(
     names = np.array([c.name for c in task.evaluate.conditions])
     whole_calls = np.array(votes)
     return TaskResult(
-        task,
-        measured,
-        identified,
-        recipe,
-        trainings,
-        majority(labels, len(classes)),
+        task, measured, identified, recipe, trainings, majority(labels, len(classes)),
         score(calls, labels, measured.evaluate.group),
-        score(whole_calls, np.concatenate([t for t in truth if t is not None]), names),
-        calls,
-        whole_calls,
-    )
+        score(whole_calls, np.concatenate([t for t in truth if t is not None]), names), calls, whole_calls,
+    )  # fmt: skip
 
 
 def _log_task(log: Run, result: TaskResult) -> None:
@@ -204,12 +175,8 @@ def _log_training(log: Run, training: Result[Job]) -> None:
     log.parameters({"seed": training.job.seed, "device": value["device"], **dataclasses.asdict(training.job.training)})
     names = {"source loss": "source_loss", "domain accuracy": "domain_accuracy", "accuracy at checkpoint": "accuracy"}
     log_checkpoints(log, value, names)
-    log.metrics(
-        {
-            "accuracy": value["accuracy"][value["place"]],
-            "balanced accuracy": value["balanced_accuracy"][value["place"]],
-            "oracle accuracy": max(value["accuracy"]),
-            "source accuracy": value["source_accuracy"],
-            "seconds": training.seconds,
-        }
-    )
+    log.metrics({
+        "accuracy": value["accuracy"][value["place"]], "balanced accuracy": value["balanced_accuracy"][value["place"]],
+        "oracle accuracy": max(value["accuracy"]), "source accuracy": value["source_accuracy"],
+        "seconds": training.seconds,
+    })  # fmt: skip

@@ -98,10 +98,7 @@ class Options:
 def read_options(path: Path = CONFIG) -> Options:
     """Read and check a configuration.
 
-    Raises
-    ------
-    TwingapError
-        Naming file, key, value and what was expected.
+    Raises `TwingapError` naming file, key, value and what was expected.
     """
     options = build(Options, read_toml(path), path)
     check(options, path)

@@ -9,9 +9,10 @@ import numpy as np
 import pandas as pd
 
 from papers.framework import Work
+from papers.intervals import intervals, std
 from papers.paper3_zoa_dann.inputs.jobs import LABELS, TaskResult
 from papers.paper3_zoa_dann.inputs.options import Options
-from twingap.adapt import Scores, t_interval
+from twingap.adapt import Scores
 
 if TYPE_CHECKING:
     from papers.paper3_zoa_dann.job import Job
@@ -22,18 +23,13 @@ def all_tables(work: Work) -> dict[str, pd.DataFrame]:
     """Every table by name."""
     results, options, title = work["results"], work.options, work.title
     return {
-        "accuracy": frame(accuracy(results, options, title)),
+        "accuracy": pd.DataFrame(accuracy(results, options, title)),
         "confusion": confusion(results, options, title),
         "recordings": recordings(results, options, title),
-        "adaptation": frame(adaptation(results, options, title)),
+        "adaptation": pd.DataFrame(adaptation(results, options, title)),
         "selection": selection(results, title),
         "identification": identification(results, title),
     }
-
-
-def std(values: Sequence[float]) -> float:
-    """Standard deviation over seeds (n - 1); NaN for fewer than two."""
-    return float(np.std(values, ddof=1)) if len(values) > 1 else float("nan")
 
 
 def cells(result: TaskResult) -> dict[tuple[str, str], list[Result[Job]]]:
@@ -77,18 +73,10 @@ def _row(
 ) -> dict[str, Any]:
     values = [t.value["accuracy"][t.value["place"]] for t in trainings]
     row: dict[str, Any] = {
-        "data": data,
-        "task": result.task.title,
-        "input": view,
-        "method": method,
-        "seeds": len(values),
-        "accuracy": float(np.mean(values)),
-        "std": std(values),
-    }
-    for level in options.judging.levels:
-        low, high = t_interval(values, level)
-        # An accuracy cannot leave 0 to 1: cutting the interval there loses no coverage.
-        row[f"low_{100 * level:.0f}"], row[f"high_{100 * level:.0f}"] = max(low, 0.0), min(high, 1.0)
+        "data": data, "task": result.task.title, "input": view, "method": method, "seeds": len(values),
+        "accuracy": float(np.mean(values)), "std": std(values),
+    }  # fmt: skip
+    row |= intervals(values, options.judging.levels, 0.0, 1.0)
     row["balanced"] = float(np.mean([t.value["balanced_accuracy"][t.value["place"]] for t in trainings]))
     row["recordings_right"] = float(np.mean([t.value["recordings_right"] for t in trainings]))
     row["recordings"] = trainings[0].value["recordings"]
@@ -109,11 +97,6 @@ def _yardstick(result: TaskResult, data: str, view: str, method: str, found: Sco
             "recordings": found.recordings,
         }
     return row
-
-
-def frame(rows: Sequence[dict[str, Any]]) -> pd.DataFrame:
-    """Rows as a table; what a row lacks is empty."""
-    return pd.DataFrame(list(rows))
 
 
 def confusion(results: Sequence[TaskResult], options: Options, data: str) -> pd.DataFrame:
@@ -189,8 +172,7 @@ def adaptation(results: Sequence[TaskResult], options: Options, data: str) -> li
             told += [t.value["domain_accuracy"][-1] for t in by_method["dann"]]
         of_seeds = np.mean(gains, axis=0)
         row = {"data": data, "input": view, "tasks": len(results), "gain": float(of_seeds.mean())}
-        for level in options.judging.levels:
-            row[f"low_{100 * level:.0f}"], row[f"high_{100 * level:.0f}"] = t_interval(list(of_seeds), level)
+        row |= intervals(of_seeds, options.judging.levels)
         rows.append(row | {"domain_accuracy": float(np.mean(told))})
     return rows
 

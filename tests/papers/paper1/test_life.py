@@ -155,7 +155,6 @@ def test_encodings_by_the_formula_and_all_distinct() -> None:
 def test_positions_of_rows_and_speeds() -> None:
     assert sequence_position([101, 102, 100], 100).tolist() == [1, 2, 0]
     assert speed_position([1000, 2000, 1149, 1151, 900, 3000], STEPS).tolist() == [1, 11, 2, 3, 1, 11]
-    assert speed_position([1000, 1150, 3000], STEPS, between=True) == pytest.approx([1, 2.5, 11])
     assert speed_position(7.0, [1500.0]) == 1
     with pytest.raises(TwingapError, match="increasing"):
         speed_position(1.0, [2.0, 1.0])

@@ -53,7 +53,6 @@ def test_relative_accuracy() -> None:
     each = metrics.relative_accuracy(TRUE, [40.0, 15.0, 50.0, 10.0, 1.0])
     assert each[:4] == pytest.approx([1.0, 0.5, -0.5, 1.0]) and np.isnan(each[4])
     assert metrics.cumulative_relative_accuracy(TRUE, [40.0, 15.0, 50.0, 10.0, 1.0]) == pytest.approx(0.5)
-    assert metrics.cumulative_relative_accuracy(TRUE, [40.0, 15.0, 50.0, 10.0, 1.0], [0, 1, 0, 0, 0]) == 0.5
 
 
 def test_alpha_lambda_counts_from_the_first_prediction() -> None:
@@ -64,10 +63,9 @@ def test_alpha_lambda_counts_from_the_first_prediction() -> None:
     assert not metrics.alpha_lambda(TRUE, np.full(5, np.nan))
 
 
-def test_horizon_lasts_unless_one_hit_is_asked_for() -> None:
+def test_the_horizon_begins_with_the_last_row_outside_the_bounds() -> None:
     predicted = [40.0, 60.0, 22.0, 8.0, 0.0]
     assert metrics.prognostic_horizon(TRUE, predicted, 40.0) == 20.0
-    assert metrics.prognostic_horizon(TRUE, predicted, 40.0, lasting=False) == 40.0
     assert metrics.prognostic_horizon(TRUE, [90.0] * 5, 40.0) == 0.0
 
 
