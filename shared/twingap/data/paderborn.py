@@ -1,7 +1,7 @@
 """Paderborn University (KAt-DataCenter): 32 bearings of type 6203, healthy, damaged by a tool, or in lifetime tests.
 
-<root>/paderborn/K001/N15_M07_F10_K001_1.mat: a struct of the file's name; its array Y has a channel per element, by Name:
-vibration_1 at 64 kHz, beside phase_current_1, phase_current_2, force, speed, torque and temp_2_bearing_module
+<root>/paderborn/K001/N15_M07_F10_K001_1.mat: a struct of the file's name; its array Y has an element per channel, by
+Name: vibration_1 at 64 kHz, beside phase_current_1, phase_current_2, force, speed, torque and temp_2_bearing_module
 
 N15_M07_F10 is 1500 rpm, a load torque of 0.7 Nm and a radial force of 1000 N. K00x are healthy, KAxx have damage of the
 outer race, KIxx of the inner, KBxx of both.
