@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +20,7 @@ from twingap.records import Condition, RecordSet
 OPTIONS = STUDY.read()
 
 
+@lru_cache
 def paderborn() -> RecordSet:
     """Conditions of every recording that can be read."""
     made = [
