@@ -48,6 +48,7 @@ PAPERS: Final[Mapping[str, Mapping[str, tuple[str, ...]]]] = {
         "extra.quantities": (),
         "extra.baselines": (),
         "extra.layers": (),
+        "extra.pdm_bench": (),
     },
 }
 """Paper -> its studies in the order of running -> profiles of the paper that include them."""

@@ -147,8 +147,9 @@ PUBLIC_BEARINGS: Final[dict[str, Bearing]] = _by_name(
     Bearing("PRONOSTIA", 13, 3.5, 25.6, 0.0),  # FEMTO
     Bearing("UER204", 8, 7.92, 34.55, 0.0),  # XJTU-SY
 )
-"""Bearings of the public data sets that twingap reads, by name."""
+"""Bearings of public data sets, by name. Training draws from them: another one makes other simulated machines."""
 BEARINGS: Final[dict[str, Bearing]] = PUBLIC_BEARINGS | _by_name(
+    Bearing("6203-PU", 8, 6.75, 28.55, 0.0),  # Paderborn
     Bearing("NICE", 8, 5.969, 31.623, 0.0),  # MFPT
     Bearing("ER-12K", 8, 7.938, 33.477, 0.0),  # SpectraQuest simulators
     Bearing("ER-16K", 9, 7.938, 38.506, 0.0),  # SpectraQuest simulators, University of Ottawa

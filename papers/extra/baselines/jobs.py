@@ -108,13 +108,11 @@ def run_trial(job: Trial, material: Material, labelled: Windows) -> dict[str, di
     bearing, real = job.recipe.bearing, job.source == "real labels"
     rows, labels = _rows(labelled, bearing) if real else _simulated(job.source, job.recipe)
     target, truth = order_features(material.adapt, bearing), material.evaluate.labels
-    judged, seen, rule = order_features(material.evaluate, bearing), material.unseen, CRITERIA[job.criterion]
+    judged, seen = order_features(material.evaluate, bearing), material.unseen
     assert truth is not None
     found: dict[str, dict[str, Any]] = {}
     for method in (PLAIN,) if real else SETTINGS:
-        fitted = [adapted(method, setting, rows, labels, target) for setting in SETTINGS[method]]
-        evidence = [Evidence(_outputs(each, rows), labels, _outputs(each, target)) for each in fitted]
-        place = int(np.argmax([rule(own) for own in evidence]))
+        place, fitted = chosen(method, rows, labels, target, job.criterion)
         # Only from here on are target labels looked at.
         told = [each(judged) for each in fitted]
         found[method] = _at(place, told, truth) | {
@@ -122,6 +120,15 @@ def run_trial(job: Trial, material: Material, labelled: Windows) -> dict[str, di
             "setting": str(SETTINGS[method][place]),
         }
     return found
+
+
+def chosen(
+    method: str, rows: Array, labels: Labels, target: Array, criterion: str
+) -> tuple[int, list[Callable[[Array], Array]]]:
+    """Fit a method with each of its settings; place of the one chosen without target labels, and `adapted` of each."""
+    fitted = [adapted(method, setting, rows, labels, target) for setting in SETTINGS[method]]
+    evidence = [Evidence(_outputs(each, rows), labels, _outputs(each, target)) for each in fitted]
+    return int(np.argmax([CRITERIA[criterion](own) for own in evidence])), fitted
 
 
 def _at(place: int, told: Sequence[Array], truth: Labels) -> dict[str, Any]:

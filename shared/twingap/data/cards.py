@@ -39,6 +39,8 @@ class Card:
     traps : tuple of str
     suits : tuple of str
         Commands for which it is suited.
+    listed : str
+        What the manifest lists, where that is neither recordings nor runs.
     """
 
     name: str
@@ -57,6 +59,7 @@ class Card:
     faults: dict[str, int]
     traps: tuple[str, ...]
     suits: tuple[str, ...]
+    listed: str = ""
 
     def rows(self) -> list[tuple[str, str]]:
         """Heading and text of each entry."""
@@ -67,7 +70,7 @@ class Card:
         )
         ball = f"BSF {b.bsf:.4g} (a ball strikes at {2 * b.bsf:.4g})"
         orders = f"BPFO {b.bpfo:.4g}, BPFI {b.bpfi:.4g}, {ball}, FTF {b.ftf:.4g}"
-        count = "made on demand" if not self.recordings else f"{self.recordings}"
+        count = "made on demand" if not self.recordings else f"{self.recordings} {self.listed}".rstrip()
         if self.snapshots:
             count = f"{self.recordings} runs, {self.snapshots} snapshots"
         faults = ", ".join(f"{n} {fault}" for fault, n in self.faults.items())
@@ -107,12 +110,12 @@ def card_of(facts: Manifest) -> Card:
     rows = facts.recordings
     stated = facts.card
     snapshots = [row["n_snapshots"] for row in rows if "n_snapshots" in row]
-    faults = Counter(str(row.get("fault", row.get("end_fault", "unknown"))) for row in rows)
+    faults = Counter(str(row.get("fault", row.get("end_fault", row.get("damage", "unknown")))) for row in rows)
     return Card(
         facts.name, facts.title, facts.licence, facts.citation, stated["channels"], facts.unit,
         BEARINGS[facts.bearing or "6205"], _values(facts, "fs_hz"), _values(facts, "speed_rpm"), len(rows),
         sum(snapshots) if snapshots else None, stated["loads"], stated["labels"], dict(faults), tuple(stated["traps"]),
-        tuple(stated["suits"]),
+        tuple(stated["suits"]), stated.get("listed", ""),
     )  # fmt: skip
 
 

@@ -19,6 +19,7 @@ READERS: Final[dict[str, str]] = {
     "femto": "twingap.data.femto:load_femto",
     "hit_sm": "twingap.data.hit_sm:load_hit_sm",
     "ims": "twingap.data.ims:load_ims",
+    "paderborn": "twingap.data.paderborn:load_paderborn",
     "smart_maintenance": "twingap.data.smart_maintenance:load_smart_maintenance",
     "virtual_cwru": "twingap.data.virtual:load_virtual_cwru",
     "xjtu_sy": "twingap.data.xjtu_sy:load_xjtu_sy",

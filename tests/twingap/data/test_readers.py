@@ -6,6 +6,7 @@ import pickle
 import shutil
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -109,6 +110,59 @@ def test_hit_sm_finds_the_one_vector_whatever_its_name(tmp_path: Path) -> None:
     savemat(tmp_path / "hit_sm" / "OR8_900.mat", {"a": samples, "b": samples})
     with pytest.raises(TwingapError, match="holds 2 channels"):
         load("hit_sm", tmp_path)
+
+
+def write_paderborn(
+    root: Path, stem: str = "N15_M07_F10_K001_1", samples: int = 250_000, last: str = "vibration_1"
+) -> Array:
+    """A file in the owner's layout: time axes X and channels Y, as arrays of structs, compressed."""
+    folder = root / "paderborn" / stem.split("_")[3]
+    folder.mkdir(parents=True, exist_ok=True)
+    vibration, slow = noise(samples), noise(samples // 16)
+    kinds = [("Name", object), ("Type", object), ("Data", object), ("XIndex", object), ("Raster", object)]
+
+    def structs(*rows: tuple[str, Array, str]) -> np.ndarray[Any, Any]:
+        return np.array([[(name, "Signal", data[None], 1.0, raster) for name, data, raster in rows]], dtype=kinds)
+
+    x = structs(("", np.arange(samples) / 64e3, "HostService"), ("", np.arange(slow.size) / 4e3, "Mech_4kHz"))
+    y = structs(
+        ("force", slow, "Mech_4kHz"), ("phase_current_1", 2 * vibration, "HostService"), ("speed", slow, "Mech_4kHz"),
+        ("temp_2_bearing_module", noise(5), "Temp_1Hz"), (last, vibration, "HostService"),
+    )  # fmt: skip
+    file = {stem: {"Info": {"Duration": 4.0}, "X": x, "Y": y, "Description": {"General": "made"}}}
+    savemat(folder / f"{stem}.mat", file, do_compression=True)
+    return vibration
+
+
+def test_paderborn_takes_the_vibration_and_reads_the_name(tmp_path: Path) -> None:
+    made = {
+        stem: write_paderborn(tmp_path, stem)
+        for stem in ("N15_M07_F10_KA01_10", "N15_M07_F10_KA01_2", "N09_M07_F10_KB23_1")
+    }
+    for left_out in ("N15_M01_F10_KA08_2", "notes_1"):  # damaged at the source; no recording
+        path = tmp_path / "paderborn" / "KA08" / f"{left_out}.mat"
+        path.parent.mkdir(exist_ok=True)
+        path.write_bytes(b"no MATLAB file")
+    records = load("paderborn", tmp_path)
+    assert [c.name for c in records.conditions] == ["N15_M07_F10_KA01_2", "N15_M07_F10_KA01_10", "N09_M07_F10_KB23_1"]
+    first, _, both = records.conditions
+    assert (first.speed_rpm, first.load_n, first.fs_hz, first.fault) == (1500.0, 1000.0, 64_000.0, "outer")
+    assert (both.speed_rpm, both.fault, both.extra["damage"]) == (900.0, None, "inner+outer")
+    assert (first.extra["origin"], both.extra["origin"]) == ("artificial", "lifetime")
+    assert dict(first.extra)["torque_nm"] == 0.7
+    assert records.groups == ("KA01_N15_M07_F10", "KB23_N09_M07_F10")
+    assert records.bearing is not None
+    assert (records.bearing.pitch_diameter_mm, records.unit) == (28.55, "")
+    np.testing.assert_array_equal(records[1].samples, made["N15_M07_F10_KA01_10"][:249_600])
+
+
+def test_paderborn_refuses_other_files(tmp_path: Path) -> None:
+    write_paderborn(tmp_path, samples=1000)
+    with pytest.raises(TwingapError, match="holds 1000 samples"):
+        load("paderborn", tmp_path)[0]
+    write_paderborn(tmp_path, samples=1000, last="noise_1")
+    with pytest.raises(TwingapError, match="has no channel"):
+        load("paderborn", tmp_path)[0]
 
 
 def write_femto(root: Path, run: str, numbers: list[int], separator: str = ",") -> Array:
@@ -318,6 +372,7 @@ WRITERS: dict[str, Callable[[Path], object]] = {
     "xjtu_sy": lambda root: write_xjtu(root / "xjtu_sy" / "35Hz12kN" / "Bearing1_1", [1], XJTU_HEADER),
     "ims": lambda root: write_ims(root / "ims" / "2nd_test", 4, ["2004.02.12.10.32.39"]),
     "smart_maintenance": write_smart_maintenance,
+    "paderborn": write_paderborn,
 }
 
 
