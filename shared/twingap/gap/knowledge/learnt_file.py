@@ -72,7 +72,7 @@ def write_learnt(learnt: Learnt, folder: Path, parameters: Mapping[str, Any] | N
         np.savez_compressed(file, **kept)
     table["npz_sha256"] = hashlib.sha256(data.read_bytes()).hexdigest()
     with replacing(text) as temporary:
-        temporary.write_text(json.dumps(table, indent=1) + "\n", encoding="utf-8", newline="\n")
+        temporary.write_text(json.dumps(table, indent=0) + "\n", encoding="utf-8", newline="\n")
     return text, data
 
 
