@@ -1,6 +1,6 @@
 """One-second records streamed through memory and through files: records per second, and whether memory stays constant.
 
-Each stream runs for a fixed processor time in a process of its own; what a million records take is extrapolated from it.
+Each stream runs for a fixed processor time in a process of its own; what a million records take is extrapolated.
 """
 
 from __future__ import annotations
@@ -58,8 +58,8 @@ def measure(quick: bool) -> Measurement:
         Target("2000 MB over the peak at a million records, written", 2000 / _at_a_million(done["write"]), 1.0),
     ]
     notes = [
-        "One core, processor time. Samples are never held for longer than a batch; a record set keeps a row of its table for each "
-        "record, which is the growth that is seen with files. The peak at a million continues that growth."
+        "One core, processor time. Samples are never held for longer than a batch; a record set keeps a row of its "
+        "table for each record, which is the growth that is seen with files. The peak at a million continues it."
     ]
     return Measurement(
         f"five effects, {seconds:g} s of processor time for each stream of one-second records", rows, targets, notes
@@ -86,7 +86,7 @@ def _peak_mb() -> float:
 
 
 class Watched:
-    """Iterator over records that ends after a processor time, and notes peak memory after a tenth of it and at the end."""
+    """Iterator over records that ends after a processor time; notes peak memory after a tenth of it and at the end."""
 
     def __init__(self, records: Iterator[Record], seconds: float) -> None:
         self.records, self.seconds = records, seconds
