@@ -75,7 +75,7 @@ COMMANDS = {
     ),
     "run": Command(
         lambda at: ["run", "paper1", "--out", "new/paper1", "--tracking-uri", "sqlite:///new/runs.db"], "new/paper1",
-        (0, 12), parts=("tables/",), resumes=True, prepare="tests.faults.small:lives",
+        (0, 12), parts=("tables/",), resumes=True, prepare="tests.faults.small:lives", env={"LOKY_MAX_CPU_COUNT": "1"},
     ),
 }  # fmt: skip
 
