@@ -10,7 +10,7 @@ labels; the forest and "No adaptation" are fitted without them.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -137,7 +137,9 @@ def check(options: Options, path: Path) -> None:
     """Refuse names that do not exist, and windows that cannot be cut."""
     asked = {name: "scenarios" for size in options.profiles.values() for name in size.scenarios}
     asked |= {options.criterion: "criteria"} | {own.data: "data sets" for own in options.scenarios.values()}
-    known = {"scenarios": options.scenarios, "criteria": CRITERIA, "data sets": TITLES}
+    known: dict[str, Collection[str]] = {
+        "scenarios": options.scenarios, "criteria": CRITERIA, "data sets": TITLES,
+    }  # fmt: skip
     for name, kind in asked.items():
         if name not in known[kind]:
             raise TwingapError(f"{name!r} is not one of the {kind}", where=path, mend=f"use {', '.join(known[kind])}")
@@ -184,7 +186,9 @@ def split(name: str, scenario: Scenario, records: RecordSet, path: Path) -> Spli
     classes = tuple(sorted(set(train)))
     if set(train.index) & set(judge.index) or not set(judge) <= set(classes):
         raise TwingapError("a recording teaches and is judged, or nothing teaches a class that is judged", where=where)
-    first, second = ({int(place): classes.index(c) for place, c in part.items()} for part in (train, judge))
+    first, second = (
+        dict(zip(part.index.astype(int), map(classes.index, part), strict=True)) for part in (train, judge)
+    )
     return Split(name, scenario, records, first, second, classes)
 
 

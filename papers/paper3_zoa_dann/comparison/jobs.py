@@ -17,7 +17,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
@@ -217,8 +217,9 @@ def prepared(
         # Identified on what is adapted to and on nothing else; without added noise, as in a quiet hour.
         asked = Identification(task.name, bearing, task.classes, source, common.identification, size.evaluations)
         parameters = identified(work, asked, own.adapt, task.name)
+        free: dict[str, Any] = {name: parameters[name] for name in FREE}
         recipe = Recipe(
-            **{name: parameters[name] for name in FREE},
+            **free,
             # Of the machine to be diagnosed: its speed is known without any label.
             speeds_rpm=tuple(sorted({float(speed) for speed in own.evaluate.speed_rpm})),
             fs_hz=task.fs_hz,

@@ -122,7 +122,8 @@ class _Fitted:
         """[worlds] Effect whose distortion fits best, at its best amplitude."""
         z = self(x)
         fits = [np.max([one.ratio(z, a * k) for k in STRONGER], axis=0) for one, a in self.tests.values()]
-        return np.array(list(self.tests))[np.argmax(fits, axis=0)]
+        best: NDArray[np.int64] = np.array(list(self.tests))[np.argmax(fits, axis=0)]
+        return best
 
 
 class DistortionTests(Rival):
