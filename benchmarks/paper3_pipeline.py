@@ -30,8 +30,8 @@ RECORDINGS, SECONDS = 10, 10.0
 def measure(quick: bool, seed: int = 0) -> Measurement:
     """One training of profile full, stage by stage, on all cores as far as a stage uses them."""
     import vmdpy
-    from papers.paper3_zoa_dann.comparison_study import read_comparison
 
+    from papers.paper3_zoa_dann.comparison.jobs import read_options as read_comparison
     from papers.paper3_zoa_dann.inputs.options import read_options
     from papers.paper3_zoa_dann.source import Recipe, identify, simulate
     from twingap.adapt import METHODS, Training, cut, train

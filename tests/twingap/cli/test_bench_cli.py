@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import ast
+import importlib
 import json
 import os
 import sqlite3
 import subprocess
 import sys
+from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
@@ -128,3 +131,16 @@ def test_mistakes_are_one_line(fake: Path) -> None:
         done = bench(fake, *words)
         assert done.returncode == 2 and done.stdout == ""
         assert done.stderr.count("\n") == 1 and expected in done.stderr
+
+
+def test_what_benchmarks_import_from_the_project_exists() -> None:
+    """Benchmarks import when they run, so that a name that was moved would be missed by every other test."""
+    for file in sorted(Path(benchmarks.__file__).parent.glob("*.py")):
+        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.ImportFrom) and str(node.module).partition(".")[0] in ("twingap", "papers"):
+                module = importlib.import_module(str(node.module))
+                missing = [
+                    name.name for name in node.names
+                    if not hasattr(module, name.name) and find_spec(f"{node.module}.{name.name}") is None
+                ]  # fmt: skip
+                assert not missing, f"{file.name}: {node.module} has no {missing}"
