@@ -122,6 +122,11 @@ def rul(
         rows = found.rows()
         write_table(table, rows, COLUMNS)
     notes = [*found.notes, _meaning(options, run.unit), *prior_notes]
+    if len(rows) <= healthy_rows and learnt is None:
+        notes.insert(
+            0, f"no row has an estimate: the run has {len(rows)} rows, and the first {healthy_rows} are taken as "
+            "healthy; give a smaller --healthy-rows"
+        )  # fmt: skip
     if before and load_n and any(outcome.at_load(load_n).life != outcome.life for outcome in before):
         notes.append(f"lives of other runs are converted to {load_n:g} N (ISO 281, exponent 3)")
     if (usual := usual_end(before)) is not None:

@@ -217,6 +217,10 @@ def _of_file(
     notes = list(file.notes)
     time = _time_axis(file)
     aside = {c.name for c in (time,) if c is not None}
+    held = {c.name for c in file.channels}
+    if options.speed_channel not in {None, *held} and "speed_rpm" in facts:
+        notes.append(f"has no channel {options.speed_channel!r}: the speed is that of the name")
+        options = replace(options, speed_channel=None)
     aside |= {file.find(n).name for n in (options.speed_channel, options.tacho_channel) if n is not None}
     chosen = [file.find(name) for name in options.channels]
     if not chosen:
@@ -445,7 +449,10 @@ def _fault(text: str | None, path: Path) -> str | None:
     for fault, words in _FAULTS.items():
         if wanted in words:
             return fault
-    raise TwingapError(f"unknown fault {text!r}", where=path, mend=f"use one of {', '.join(FAULTS)}")
+    mend = f"use one of {', '.join(FAULTS)}"
+    if re.search(r"[\d_-]", text):
+        mend += "; a number or word beside it is a field of its own, such as {fault}_{run}_{speed_rpm:d}rpm"
+    raise TwingapError(f"unknown fault {text!r}", where=path, mend=mend)
 
 
 def finite_positive(value: float | None, option: str) -> None:

@@ -130,6 +130,7 @@ def diagnose(
         "records_sha256": records.digest,
         "runtime_s": round(time.monotonic() - begin, 2),
         "n_records": len(records),
+        "quick": quick,
     }
     if own := digests_of_effects():
         known["own_effects"] = own

@@ -21,7 +21,7 @@ from twingap.errors import TwingapError
 from twingap.track.database import check_database, explained
 from twingap.track.store import sqlite_path, state_folder
 
-PATIENCE_S = 60.0
+PATIENCE_S = 180.0
 
 
 def runs_in(database: Path) -> int:
@@ -100,6 +100,11 @@ def serving(uri: str, host: str, port: int, *, need_runs: bool = True) -> Iterat
                 if not _answers(server, host, port):
                     log.seek(0)
                     lines = [line for line in log.read().decode(errors="replace").splitlines() if line.strip()]
+                    if server.poll() is None:
+                        raise TwingapError(
+                            f"the UI has not answered for {PATIENCE_S:g} s", where=uri,
+                            mend="try again when this machine is less busy",
+                        )  # fmt: skip
                     raise TwingapError(
                         f"the UI does not start: {lines[-1][:300] if lines else 'it printed nothing'}", where=uri
                     )

@@ -15,7 +15,7 @@ from twingap.config import to_toml
 from twingap.effects import catalogue
 from twingap.gap.distance.domain_names import DomainName
 from twingap.gap.distance.domains import DOMAIN
-from twingap.gap.report.model import Candidate, GapReport, Place, listed
+from twingap.gap.report.model import Candidate, GapReport, ParameterValue, Place, listed
 
 _HIDDEN_DB: Final = 6.0
 """Level by which the records' peak must exceed that at the calibrated resonance for a warning."""
@@ -28,6 +28,8 @@ _PERFECT: Final = 0.99
 _LEVEL_ADVICE: Final = (
     "Records are louder or quieter than the twin throughout: check sensitivity, gain and unit of the channel."
 )
+_UNDETERMINED: Final = 4.0
+"""Ratio of the ends of a value's interval above which it is not determined. A smaller ratio warns of more values."""
 _SMALL_P: Final = 0.05
 """P-value below which a single test is mentioned beside a verdict of no gap."""
 
@@ -99,12 +101,18 @@ def _kind(place: Place) -> tuple[DomainName, bool, bool]:
 
 def _add(report: GapReport, added: Iterable[Candidate]) -> str:
     """Advice to add effects to the twin file, or to the user's own simulator."""
+    added = list(added)
     names = listed(c.effect for c in added)
     if _own_simulator(report):
         return f"Add {names} to your simulator, at the values below, and compare again: the gap should shrink as shown."
+    loose = [f"{n} of {c.effect}" for c in added for n, value in c.parameters.items() if _undetermined(value)]
+    check = (
+        f" The records do not determine {listed(loose)}: compare the figures before you rely on it." if loose else ""
+    )
     return (
         f"Add {names} to your twin: in its file replace the table [twin] by that below, and append the others. Then "
-        "run the diagnosis again; the gap should shrink as shown. `twingap close` does both, until nothing more closes."
+        "run the diagnosis again; the gap as a whole should shrink as shown. `twingap close` does both, until nothing "
+        f"more closes.{check}"
     )
 
 
@@ -219,7 +227,27 @@ def snippet(report: GapReport) -> str | None:
     parameters = {c.effect: _fitted(c) for c in added if c.parameters}
     if parameters:
         tables["parameters"] = parameters
-    return to_toml(tables).replace("[parameters]\n\n", "")
+    return _with_intervals(to_toml(tables).replace("[parameters]\n\n", ""), added)
+
+
+def _with_intervals(text: str, added: Iterable[Candidate]) -> str:
+    """The lines of a twin file, with the interval of each fitted value as a comment."""
+    of = {f"[parameters.{c.effect}]": c.parameters for c in added}
+    lines: list[str] = []
+    table: Mapping[str, ParameterValue] = {}
+    for line in text.splitlines():
+        table = of.get(line, {}) if line.startswith("[") else table
+        own = table.get(line.partition(" = ")[0])
+        if own is not None and own.ci is not None and own.ci[0] < own.ci[1]:
+            mark = "not determined: " if _undetermined(own) else ""
+            line += f"  # {mark}{own.ci[0]:.4g} to {own.ci[1]:.4g}"
+        lines.append(line)
+    return "\n".join(lines) + "\n" * text.endswith("\n")
+
+
+def _undetermined(value: ParameterValue) -> bool:
+    """Whether the interval of a value is so wide that the records do not determine it."""
+    return value.ci is not None and 0 < _UNDETERMINED * value.ci[0] < value.ci[1]
 
 
 def place_words(place: Place) -> str:

@@ -26,6 +26,8 @@ FIRST: Final = ("spectrum", "lines", "envelope", "order", "amplitude", "time", "
 """Order of the curves on the page; others follow."""
 MOST_CANDIDATES: Final = 12
 MOST_PLACES: Final = 12
+_EVERYWHERE: Final = 0.8
+"""Part of the axis from which a place is not shaded."""
 MOST_POINTS: Final = 2000
 """Points of a line that the page holds; a longer one is thinned by taking the largest of each stretch."""
 _LINES: Final = (
@@ -246,8 +248,10 @@ def _mark(figure: Any, curve: Curve, places: Sequence[Place], x: Sequence[float]
             continue
         middle = (lo + hi) / 2
         lo, hi = max(min(lo, middle - least / 2), first), min(max(hi, middle + least / 2), last)
+        everywhere = hi - lo > _EVERYWHERE * (last - first)  # the number alone: a band over all would hide the curves
         figure.add_vrect(
-            x0=lo, x1=hi, fillcolor=PLACE, line={"color": "#b0a000", "width": 1}, layer="below",
+            x0=lo, x1=hi, fillcolor="rgba(0, 0, 0, 0)" if everywhere else PLACE, line={"color": "#b0a000", "width": 1},
+            layer="below",
             annotation={"text": f"<b>{number}</b>", "yref": "paper", "y": 0.995, "yanchor": "top", "x": (lo + hi) / 2,
                         "xanchor": "center", "showarrow": False, "font": {"size": 14, "color": "#6b6100"},
                         "hovertext": f"place {number}: {html.escape(place_words(place))}, {100 * place.share:.0f} %"},

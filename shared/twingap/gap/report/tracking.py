@@ -38,7 +38,8 @@ def track_report(tracker: Tracker, report: GapReport, files: Iterable[str | os.P
     """
     verdict, stated = report.verdict, report.provenance
     records, effects = str(stated.get("records", "")), ", ".join(verdict.effects)
-    name = " · ".join(str(word) for word in (records, stated.get("twin"), f"seed {stated.get('seed', 0)}") if word)
+    words = (records, stated.get("twin"), f"seed {stated.get('seed', 0)}", "quick" if stated.get("quick") else "")
+    name = " · ".join(str(word) for word in words if word)
     with tracker.run(name, {"kind": "gap", "status": verdict.status, "effects": effects}) as run:
         run.parameters(
             {
