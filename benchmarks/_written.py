@@ -17,7 +17,7 @@ from twingap.files import replacing
 
 SCHEMA: Final = "twingap.bench/1"
 ABOUT: Final = """Each benchmark compares a hot path with a named peer in the same run, or with what the machine can do
-at most; a busy machine slows both, so ratios mean more than figures. Run all of them, or one by name, with
+at most. A busy machine slows both, so ratios mean more than figures. Run all of them, or one by name, with
 
 ```console
 $ twingap bench --out benchmarks
