@@ -17,7 +17,7 @@ from twingap.files import replacing
 
 SCHEMA: Final = "twingap.bench/1"
 ABOUT: Final = """Each benchmark compares a hot path with a named peer in the same run, or with what the machine can do
-at most; a busy machine slows both, so ratios mean more than figures. Run all of them, or one by name, with
+at most. A busy machine slows both, so ratios mean more than figures. Run all of them, or one by name, with
 
 ```console
 $ twingap bench --out benchmarks
@@ -112,7 +112,7 @@ def draw(reports: Sequence[Report], path: Path) -> None:
     from matplotlib import rc_context
     from matplotlib.figure import Figure
 
-    shown = [(f"{one['benchmark']}: {name}", *rest) for one in reports for name, *rest in targets(one)]
+    shown = [(f"{one['benchmark']}: {name}", ratio, met) for one in reports for name, ratio, met in targets(one)]
     with rc_context({"svg.fonttype": "none", "svg.hashsalt": "twingap", "font.size": 9}):
         figure = Figure(figsize=(10, 0.26 * len(shown) + 1), layout="constrained")
         axes = figure.add_subplot()

@@ -58,4 +58,4 @@ def _manifest(paths: list[Path]) -> Manifest:
     files = tuple(
         DataFile(f"made/{path.name}", None, path.stat().st_size, digest(path).removeprefix("sha256:")) for path in paths
     )
-    return Manifest("made", "made", "", None, "", "", None, "", None, False, files, (), ())
+    return Manifest("made", "made", "", None, "", "", None, "", None, False, files, (), (), {})

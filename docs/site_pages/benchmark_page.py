@@ -11,7 +11,9 @@ from benchmarks import _written
 
 
 def pages(docs: Path) -> dict[str, str]:
-    """explanation/benchmarks.md, and its chart."""
-    reports = _written.read(docs.parent / "reports" / "bench" / "bench.json")
-    _written.draw(reports, docs / "explanation" / "benchmarks.svg")
+    """explanation/benchmarks.md, and its chart; before anything was measured, how to measure it."""
+    path = docs.parent / "reports" / "bench" / "bench.json"
+    reports = _written.read(path) if path.exists() else []
+    if reports:
+        _written.draw(reports, docs / "explanation" / "benchmarks.svg")
     return {"explanation/benchmarks.md": _written.page(reports, "benchmarks.svg")}

@@ -44,16 +44,18 @@ def bench(
     # An unusable store is reported before the benchmarks.
     tracker: Tracker = MlflowTracker(tracking_uri, experiment="bench") if track else NullTracker()
     done: dict[str, Measurement] = {}
+    paths: list[Path] = []
     with progress("benchmarks", len(chosen)) as shown:
         for each in chosen:
             done[each] = benchmarks.measure(each, quick=quick, seed=seed)
             _log(tracker, each, done[each], {"benchmark": each, "quick": quick, "seed": seed})
+            if out is not None:
+                from benchmarks import _written
+
+                paths = _written.write([standard(_report(each, done[each], quick))], out)
             shown.step(each)
     reports = standard([_report(each, measurement, quick) for each, measurement in done.items()])
-    if out is not None:
-        from benchmarks import _written
-
-        wrote(*_written.write(reports, out), as_json=as_json)
+    wrote(*paths, as_json=as_json)
     if as_json:
         say_json(reports)
     else:
