@@ -15,7 +15,8 @@ How to add a feature:
 3. NaN means "does not apply" or "not known"; values are dimensionless, best as logarithms, so that differences between
    measured and simulated records mean the same on every machine.
 4. Add the feature to `features` of the effects that it can indicate: a detector uses the features of its effect only.
-5. Learned detectors know features by name and order: train again (`twingap train`).
+5. A number of both parts together (lines, combs and trends over all records): add it to `pooled.features`.
+6. Models that were learnt know features by name. They go on without the new one; `twingap train` makes use of it.
 """
 
 from __future__ import annotations
