@@ -47,9 +47,20 @@ class Streams:
         return np.random.Generator(np.random.SFC64(_seed(self.root, self.index, purpose)))
 
     def normal(self, purpose: str, size: int) -> tuple[NDArray[np.float64], np.random.Generator]:
-        """The first `size` standard normal numbers of a stream, read-only, and its generator after them."""
-        numbers, state = (_normal if size <= _KEPT_SAMPLES else _drawn)(self.root, self.index, purpose, size)
+        """The first `size` standard normal numbers of a stream, and its generator after them."""
         rng = self(purpose)
+        return rng.standard_normal(size), rng
+
+
+class KeptStreams(Streams):
+    """Streams whose noise is kept, for a search that simulates the same records hundreds of times."""
+
+    def normal(self, purpose: str, size: int) -> tuple[NDArray[np.float64], np.random.Generator]:
+        """The first `size` standard normal numbers of a stream, read-only, and its generator after them."""
+        rng = self(purpose)
+        if size > _KEPT_SAMPLES:
+            return rng.standard_normal(size), rng
+        numbers, state = _normal(self.root, self.index, purpose, size)
         rng.bit_generator.state = state
         return numbers, rng
 
@@ -71,13 +82,10 @@ def _seed(root: int, index: int, purpose: str) -> _Seed:
     return _Seed(root, spawn_key=(index, zlib.crc32(purpose.encode())))
 
 
-def _drawn(root: int, index: int, purpose: str, size: int) -> tuple[NDArray[np.float64], Mapping[str, Any]]:
+@lru_cache(maxsize=128)
+def _normal(root: int, index: int, purpose: str, size: int) -> tuple[NDArray[np.float64], Mapping[str, Any]]:
     """Normal numbers of a stream, and the state of its generator after them."""
     rng = Streams(root, index)(purpose)
     numbers = rng.standard_normal(size)
     numbers.flags.writeable = False
     return numbers, rng.bit_generator.state
-
-
-_normal = lru_cache(maxsize=128)(_drawn)
-"""The same, kept: a search simulates the same records with the same noise hundreds of times."""

@@ -18,7 +18,7 @@ def worlds() -> None:
 
     plan = worlds.cases
 
-    def small(n: int, seed: int = 0) -> list[worlds.Case]:
+    def small(n: int, seed: int = 0, rich: int = 0) -> list[worlds.Case]:
         return [replace(case, n_records=4, duration_s=0.25) for case in plan(n, seed)]
 
     worlds.cases = small

@@ -156,7 +156,7 @@ def test_a_module_imported_for_types_alone_is_not_followed() -> None:
 
 
 def test_every_configuration_is_valid() -> None:
-    assert len(check_configurations()) == len(STUDIES) == 19
+    assert len(check_configurations()) == len(STUDIES) == 20
 
 
 def test_a_wrong_configuration_is_found_without_a_run(

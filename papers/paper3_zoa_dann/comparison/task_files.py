@@ -51,10 +51,10 @@ class TaskFile:
     classes: tuple[str, ...]  # faults in the order of their labels, "healthy" among them
     window_samples: int
     condition: str  # column (or speed_rpm) that tells the machine's conditions apart
-    adapt_at: tuple[float, ...]  # adapt_at, judge_at: conditions whose faulty recordings are adapted to, and judged on
-    healthy_adapt_at: tuple[float, ...]  # healthy_adapt_at, healthy_judge_at: the same of healthy recordings
-    judge_at: tuple[float, ...]
-    healthy_judge_at: tuple[float, ...]
+    adapt_at: tuple[float, ...]  # conditions whose faulty recordings are adapted to
+    healthy_adapt_at: tuple[float, ...]  # the same of healthy recordings
+    judge_at: tuple[float, ...]  # conditions whose faulty recordings are judged on
+    healthy_judge_at: tuple[float, ...]  # the same of healthy recordings
     size: str  # column that tells the bearings of one fault apart
     sizes: tuple[float, ...]  # its values; each is one bearing of each fault
     # whether, outside the strict column, bearings that are judged are also adapted to (in other recordings)

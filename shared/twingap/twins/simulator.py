@@ -20,7 +20,7 @@ from twingap.bearing import Bearing
 from twingap.effects import Draft, Effect, catalogue, in_order, make_effect
 from twingap.errors import TwingapError
 from twingap.records import Condition, Record
-from twingap.streams import Streams
+from twingap.streams import KeptStreams, Streams
 from twingap.twins.base import Twin
 from twingap.twins.twin_file import TwinSpec, build_twin
 
@@ -75,7 +75,7 @@ class Simulator(Protocol):
 
 def streams_of(condition: Condition, streams_root: int, replicate: int) -> Streams:
     """Random streams of one record, which depend on its name and not on other records."""
-    return Streams(streams_root, (replicate << 32) | zlib.crc32(condition.name.encode()))
+    return KeptStreams(streams_root, (replicate << 32) | zlib.crc32(condition.name.encode()))
 
 
 def _forbids(name: str, draft: Draft) -> str | None:

@@ -25,7 +25,7 @@ from twingap.adapt.order_classifier import (
 from twingap.adapt.population import CLASSES
 from twingap.adapt.random_fleets import RATES_HZ, SPEEDS_RPM, random_bearing, random_fleet
 from twingap.adapt.windows import cut
-from twingap.bearing import BEARINGS, Bearing
+from twingap.bearing import BEARINGS, PUBLIC_BEARINGS, Bearing
 from twingap.effects import make_effect
 from twingap.errors import TwingapError
 from twingap.records import Condition, RecordSet
@@ -75,7 +75,7 @@ def test_an_interrupted_training_goes_on_and_ends_in_the_same_bytes_on_two_cores
 def test_machines_are_drawn_from_all_that_twingap_classifies() -> None:
     rng = np.random.default_rng(0)
     bearings = [random_bearing(rng) for _ in range(200)]
-    assert {b.name for b in bearings} == {"random", *BEARINGS}
+    assert {b.name for b in bearings} == {"random", *PUBLIC_BEARINGS}
     assert {b.contact_angle_deg > 0 for b in bearings if b.name == "random"} == {True, False}
     made = [random_fleet(rng, 1, lengths=(1.0, 1.0)) for _ in range(12)]
     sizes = {len(fleet.labels) for fleet in made}

@@ -26,4 +26,4 @@ def test_one_card_in_full(typed: Run, monkeypatch: pytest.MonkeyPatch) -> None:
 def test_all_cards_in_short(typed: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("TWINGAP_DATA", raising=False)
     said = typed("data", "list")
-    assert said.out.count("\n  suits") == 7 and "beware" not in said.out
+    assert said.out.count("\n  suits") == 8 and "beware" not in said.out

@@ -200,10 +200,11 @@ def test_adding_an_effect_leaves_the_other_draws_untouched(name: str) -> None:
         def make(self, conditions, streams):  # type: ignore[no-untyped-def]
             drawn: dict[str, np.random.Generator] = {}
 
-            def watch(own: Streams):  # type: ignore[no-untyped-def]
-                return lambda purpose: drawn.setdefault(f"{own.index} {purpose}", own(purpose))
+            class WatchedStreams(Streams):
+                def __call__(self, purpose: str) -> np.random.Generator:
+                    return drawn.setdefault(f"{self.index} {purpose}", super().__call__(purpose))
 
-            made = super().make(conditions, [watch(own) for own in streams])
+            made = super().make(conditions, [WatchedStreams(own.root, own.index) for own in streams])
             seen.append({purpose: float(rng.random()) for purpose, rng in drawn.items()})
             return made
 
