@@ -105,10 +105,11 @@ def _add(report: GapReport, added: Iterable[Candidate]) -> str:
     names = listed(c.effect for c in added)
     if _own_simulator(report):
         return f"Add {names} to your simulator, at the values below, and compare again: the gap should shrink as shown."
-    loose = [f"{n} of {c.effect}" for c in added for n, value in c.parameters.items() if _undetermined(value)]
-    check = (
-        f" The records do not determine {listed(loose)}: compare the figures before you rely on it." if loose else ""
-    )
+    loose = [f"`{c.effect}.{n}`" for c in added for n, value in c.parameters.items() if _undetermined(value)]
+    check = ""
+    if loose:
+        those = " and ".join(loose) if len(loose) < 3 else f"{len(loose)} of these values, marked below"
+        check = f" The records do not determine {those}: compare the figures before you rely on them."
     return (
         f"Add {names} to your twin: in its file replace the table [twin] by that below, and append the others. Then "
         "run the diagnosis again; the gap as a whole should shrink as shown. `twingap close` does both, until nothing "
@@ -238,7 +239,7 @@ def _with_intervals(text: str, added: Iterable[Candidate]) -> str:
     for line in text.splitlines():
         table = of.get(line, {}) if line.startswith("[") else table
         own = table.get(line.partition(" = ")[0])
-        if own is not None and own.ci is not None and own.ci[0] < own.ci[1]:
+        if own is not None and own.ci is not None and own.ci[0] < own.ci[1] and not line.endswith(("true", "false")):
             mark = "not determined: " if _undetermined(own) else ""
             line += f"  # {mark}{own.ci[0]:.4g} to {own.ci[1]:.4g}"
         lines.append(line)
