@@ -162,3 +162,18 @@ def test_a_file_that_is_shorter_than_the_others_is_said(twingap: Run, tmp_path: 
 def test_a_bearing_that_was_probably_meant_is_named(twingap: Run, tmp_path: Path) -> None:
     said = twingap(export(tmp_path / "a.csv"), "--speed-rpm", 1500, "--bearing", "6250", "--dry-run")
     assert said.status == 2 and "did you mean '6205'?" in said.err
+
+
+def test_a_speed_channel_is_taken_where_it_is_and_else_the_name(twingap: Run, tmp_path: Path) -> None:
+    table = np.column_stack([T, X, np.full(T.size, 1500.0)])
+    np.savetxt(tmp_path / "ok_1480rpm.csv", table[:, :2], delimiter=",", header="time,acc [g]", comments="", fmt="%.7f")
+    np.savetxt(
+        tmp_path / "ok_1490rpm.csv", table, delimiter=",", header="time,acc [g],n [rpm]", comments="", fmt="%.7f"
+    )
+    words = ("--names", "{fault}_{speed_rpm:d}rpm.csv", "--speed-channel", "n [rpm]", "--dry-run", "--json")
+    about = json.loads(twingap(tmp_path, *words).out)
+    assert [record["speed_rpm"] for record in about["records"]] == [1480, 1500]
+    assert any("the speed is that of the name" in note for note in about["notes"])
+    for name in ("ok_1480rpm.csv", "ok_1490rpm.csv"):
+        (tmp_path / name).rename(tmp_path / name.replace("ok_", "ok_1_"))
+    assert "{fault}_{run}_" in twingap(tmp_path, *words).err

@@ -304,3 +304,22 @@ def test_a_verdict_of_no_gap_that_a_test_contradicts_is_flagged(make_report: Mak
     assert not any("Use the twin" in step for step in next_steps(torn))
     found = dataclasses.replace(make_report("explained"), tests=torn.tests)
     assert contradictions(found) == ()
+
+
+def test_values_that_the_records_do_not_determine_are_marked_and_counted(make_report: MakeReport) -> None:
+    loose, tight = ParameterValue(824.0, "Hz", (272.0, 6144.0)), ParameterValue(0.5, "", (0.4, 0.6))
+    candidate = Candidate("second_resonance", 0.9, 1, 0.5, 0.5, (0, 1), {"frequency_hz": loose, "gain": tight})
+    verdict = Verdict("explained", ("second_resonance",), (), 0.01, 0.5, (0.4, 0.6))
+    report = dataclasses.replace(make_report(), verdict=verdict, candidates=(candidate,))
+    lines = (snippet(report) or "").splitlines()
+    assert "frequency_hz = 824.0  # not determined: 272 to 6144" in lines and "gain = 0.5  # 0.4 to 0.6" in lines
+    assert "do not determine `second_resonance.frequency_hz`:" in next_steps(report)[0]
+
+
+def test_a_closest_twin_that_closes_no_more_is_said_to(make_report: MakeReport) -> None:
+    report = make_report()
+    share = GroupShare("path", (EffectShare("second_resonance", 0.3),), 0.3, (0.2, 0.4), 0.01, True)
+    closest = dataclasses.replace(report.closest, closure=0.3, closure_ci=(0.2, 0.4), attribution=(share,))
+    for closed, words in ((0.3, "closes no more, 30 %"), (0.1, "closes 30 %")):
+        verdict = dataclasses.replace(report.verdict, closure=closed, closure_ci=(0.0, 0.5))
+        assert words in dataclasses.replace(report, verdict=verdict, closest=closest).closest_sentence

@@ -44,7 +44,7 @@ def _row(candidate: Candidate, report: GapReport) -> tuple[Cell, ...]:
     if not remark and set(candidate.fitted_with) != set(named) - {candidate.effect}:
         remark = f"Fitted together with {listed(candidate.fitted_with)}."
     own = report.provenance.get("own_effects", {})
-    if candidate.effect in own and candidate.effect not in named:
+    if candidate.effect in own and candidate.effect not in named and not candidate.acts:
         remark = f"An effect of your own, fitted and tested: held-out records do not confirm it. {remark}".strip()
     effect = [
         Line(name(candidate.effect) + " ◆" * (candidate.effect in named), "strong"),
