@@ -59,7 +59,8 @@ class Forks:
     """A server of `tests/faults/forking.py`, in a namespace without network where that is permitted."""
 
     def __init__(self) -> None:
-        paths = os.pathsep.join(path for path in sys.path if path)
+        root = Path(__file__).resolve().parents[2]  # what a trial prepares stands in the tests
+        paths = os.pathsep.join([*(path for path in sys.path if path), str(root)])
         self.isolated = _permitted("unshare", "-n", "true")
         self._server = subprocess.Popen(
             [*["unshare", "-n"][: 2 * self.isolated], sys.executable, str(Path(__file__).with_name("forking.py"))],
