@@ -43,7 +43,8 @@ print(report.sentence)
 # ``no_gap``
 #     Records and calibrated twin cannot be told apart.
 # ``explained``
-#     The named effects leave no significant rest, or at most a tenth of the gap, or no more than real records leave.
+#     Nothing points to a further effect: what the named ones leave is at most a tenth of the gap, or no more than real
+#     records leave, or no more than values that are a little off leave.
 # ``partly_explained``
 #     They leave more.
 # ``unexplained``

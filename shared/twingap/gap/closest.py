@@ -54,9 +54,9 @@ _FEWEST: Final = 0.5
 
 def closest_of(
     held_out: HeldOut, learnt: Learnt, before: Sequence[FeatureVectors], of_named: Closure, measures: Sequence[Metric],
-    scale: Array, rng: np.random.Generator, progress: Callable[[str, float], None],
+    scale: Array, replayed: Ceiling, rng: np.random.Generator, progress: Callable[[str, float], None],
 ) -> tuple[ClosestTwin, Compared]:  # fmt: skip
-    """The closest twin with its closure, attribution and ceiling.
+    """The closest twin with its closure and attribution.
 
     Parameters
     ----------
@@ -70,6 +70,7 @@ def closest_of(
         Of the verdict; the twin as given and the floor are the same for both.
     scale : Array [bins]
         Of the verdict's comparisons.
+    replayed : Ceiling
     rng : numpy.random.Generator
     progress : callable
         Called with a description of the current step and the completed part, 0 to 1.
@@ -109,7 +110,7 @@ def closest_of(
             ClosestEffect(one.name, {**values_of_effect(one, {}), **line_counts(one, held_out)}) for one in now.effects
         ),
         closure=closed.closure, closure_ci=closed.ci, attribution=groups if closed.closure > 0 else (),
-        ceiling=ceiling(held_out, first, floor),
+        ceiling=replayed,
         twin=CLOSEST_FILE if isinstance(now.simulator, TwinSimulator) else "",
         metrics=_aligned(
             closure_metrics(held_out.real, first, after, rng, more=held_out.training_sets(now), scale=scale), measures
@@ -128,13 +129,14 @@ def _aligned(metrics: Sequence[Metric], measures: Sequence[Metric]) -> tuple[Met
     )  # fmt: skip
 
 
-def of_verdict(held_out: HeldOut, closed: float, ci: tuple[float, float]) -> ClosestTwin:
-    """The verdict's twin as the closest one, without attribution."""
+def of_verdict(held_out: HeldOut, closed: Closure | None, replayed: Ceiling) -> ClosestTwin:
+    """The verdict's twin as the closest one, without attribution; `closed` is None where nothing was added."""
     found = held_out.found
     effects = tuple(
         ClosestEffect(one.name, values_of_effect(one, {})) for one in (found.after.effects if found.gap else ())
     )
-    return ClosestTwin(effects, closed, ci)
+    value, ci = (closed.closure, closed.ci) if closed else (0.0, (0.0, 0.0))
+    return ClosestTwin(effects, value, ci, ceiling=replayed)
 
 
 def line_counts(effect: Effect, held_out: HeldOut) -> dict[str, ParameterValue]:

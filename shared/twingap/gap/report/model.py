@@ -112,7 +112,12 @@ class Verdict:
             if self.closure_ci is not None and not far:
                 ends = self.closure_ci if not widens else (-self.closure_ci[1], -self.closure_ci[0])
                 closes += " (90 % interval {} to {})".format(*map(_percent, ends))
-        rest = "a significant rest remains" if self.status == "partly_explained" else "little of it remains"
+        rest = "little of it remains"
+        if self.status == "partly_explained":
+            little = self.closure is not None and 0 <= self.closure < 0.5
+            rest = "most of it remains" if little else "a significant rest remains"
+        elif self.closure is not None and self.closure < 0.9:
+            rest = "what remains is no sign of a further effect"
         # "Nothing at all" in the confidence set counts as an explanation like any other.
         others = sum(1 for effects in self.confidence_set if set(effects) != set(self.effects))
         sure = "at 90 % no other explanation fits"

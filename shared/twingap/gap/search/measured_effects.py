@@ -19,7 +19,7 @@ from twingap.gap.distance.feature_vectors import FeatureVectors
 from twingap.gap.distance.grid import Grid
 from twingap.gap.distance.paired import Paired
 from twingap.gap.search import unlearnt
-from twingap.gap.search.effect_search import Estimated, Explanation
+from twingap.gap.search.effect_search import ALPHA_REST, Estimated, Explanation
 from twingap.gap.search.evidence import Compared, Evidence, replicates_of
 from twingap.gap.search.free_spectra import (
     BACKGROUND,
@@ -60,7 +60,7 @@ def with_measured(evidence: Evidence, found: Explanation) -> Explanation:
         Of effects with detectors.
     """
     names = [name for name in ASKED if evidence.can_add(name) is None]
-    if not found.gap or not names:
+    if not found.gap or not names or (found.effects and found.rest_p > ALPHA_REST):
         return found
     bare = validation_distance(evidence, found.before.simulator, ())
     left = validation_distance(evidence, found.after.simulator, found.after.effects)

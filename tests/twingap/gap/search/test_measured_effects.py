@@ -25,12 +25,12 @@ TONES = make_effect(
 )
 
 
-def named(*effects: Effect, known: tuple[Effect, ...] = ()) -> tuple[str, ...]:
+def named(*effects: Effect, known: tuple[Effect, ...] = (), rest_p: float = 0.01) -> tuple[str, ...]:
     """What is named on a machine with these effects, of which the search has found some."""
     evidence = evidence_of(*effects, *known)
     before, after = evidence.against(), evidence.against(known)
     values = tuple(Estimated(effect, {}) for effect in known)
-    found = with_measured(evidence, Explanation(0.01, True, values, {}, ((),), 0.01, before, after, {}))
+    found = with_measured(evidence, Explanation(0.01, True, values, {}, ((),), rest_p, before, after, {}))
     assert found.names[: len(known)] == tuple(effect.name for effect in known)
     assert {effect.name for effect in found.after.effects} == set(found.names)
     assert all(found.probability[name] > 0.85 for name in found.names[len(known) :])
@@ -62,3 +62,9 @@ def test_background_is_named_beside_what_is_known() -> None:
     noise = make_effect("coloured_noise", {"level": 2.0, "slope": 0.0, "low_hz": 3500.0, "high_hz": 4500.0})
     scatter = make_effect("impact_scatter", {"sigma": 0.6})
     assert BACKGROUND in named(noise, known=(scatter,))
+
+
+def test_nothing_is_measured_where_no_rest_points_to_a_further_effect() -> None:
+    hum = make_effect("mains_interference", {"level": 0.8})
+    assert LINES in named(TONES, known=(hum,))
+    assert named(TONES, known=(hum,), rest_p=0.5) == ("mains_interference",)

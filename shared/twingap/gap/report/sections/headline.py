@@ -13,10 +13,13 @@ from twingap.gap.report.model import GapReport, Verdict
 STATUS: Final[Mapping[str, tuple[str, str]]] = {
     "no_gap": ("No gap", "No gap beyond chance was found."),
     "explained": (
-        "Gap explained", "Little is left once the named effects are added: nothing significant, at most a tenth, or no "
-        "more than real records in place of the twin leave.",
+        "Gap explained", "Nothing points to a further effect: once the named ones are added, at most a tenth of the "
+        "gap is left, or no more than real records in place of the twin or values that are a little off leave.",
     ),
-    "partly_explained": ("Gap partly explained", "A significant rest remains once the named effects are added."),
+    "partly_explained": (
+        "Gap partly explained", "Once the named effects are added, more is left than values that are a little off "
+        "leave, or most of the gap is.",
+    ),
     "unexplained": (
         "Gap unexplained", "There is a significant gap, and no effect of the catalogue is certain enough to be named."
     ),
