@@ -247,7 +247,7 @@ def _diagnosed(
         },
         notes=(*notes, *calibrated.notes, *_notes(found)),
         calibration=_calibration(calibrated, found),
-        rest=presentable(rest) if status in ("partly_explained", "unexplained") else (),
+        rest=presentable(rest),
         tests=tests,
         curves=curves(
             held_out.real, before[:count], after[:count] if after is not before else None, calibrated.frame.bearing
