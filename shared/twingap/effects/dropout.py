@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import ClassVar
+from itertools import pairwise
+from typing import ClassVar, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,8 +17,19 @@ from twingap.effects.draft import Draft
 from twingap.effects.drawing import log_uniform
 from twingap.effects.machine import Machine
 from twingap.effects.registry import register
+from twingap.records import Record
 
 Array = NDArray[np.float64]
+
+_FEWEST: Final = 6
+"""Smallest number of gaps in all records from which rate and length are read. A larger number reads fewer, with smaller
+errors."""
+_BY_CHANCE: Final = 0.01
+"""Number of runs of equal samples in a record that chance may make of the shortest that counts as a gap."""
+_LONGEST_COUNTED: Final = 12
+"""Repeats up to which runs made by chance are counted."""
+_USUAL: Final = 0.005
+"""Runs over samples from which they are made by chance. A smaller value takes frequent gaps for these."""
 
 
 @register
@@ -65,6 +78,26 @@ class Dropout(Effect):
     def draw(cls, machine: Machine, rng: np.random.Generator) -> Mapping[str, float]:
         return {"rate_hz": log_uniform(rng, 0.4, 20.0), "length_s": log_uniform(rng, 0.001, 0.03)}
 
+    @classmethod
+    def read_off(cls, records: Iterable[Record], simulated: Iterable[Record]) -> Mapping[str, float]:
+        """Rate and mean length of runs of equal samples, where records have several and the twin has none.
+
+        Runs shorter than chance makes them are not seen; lengths are exponential, so that their excess over any length
+        has the same mean, and the number of all follows from that.
+        """
+        found, seconds, shortest = [], 0.0, 0.0
+        for record in records:
+            runs, least = _gaps(np.asarray(record.samples, float))
+            found.append((runs - least + 1) / record.condition.fs_hz)
+            shortest = max(shortest, (least - 1) / record.condition.fs_hz)
+            seconds += record.condition.duration_s
+        excess = np.concatenate(found) if found else np.zeros(0)
+        if excess.size < _FEWEST or any(_gaps(np.asarray(r.samples, float))[0].size for r in simulated):
+            return {}
+        length_s = float(excess.mean())
+        rate_hz = excess.size / seconds * math.exp(min(shortest / length_s, 1.0))
+        return {"rate_hz": rate_hz, "length_s": length_s}
+
     def variant(self, machine: Machine, rng: np.random.Generator) -> Effect:
         return ZeroFilledDropout(**self.parameter_values())
 
@@ -75,3 +108,20 @@ class ZeroFilledDropout(Dropout):
 
     def _filled(self, x: Array, missing: NDArray[np.bool_]) -> Array:
         return np.where(missing, 0.0, x)
+
+
+def _gaps(x: Array) -> tuple[NDArray[np.int64], int]:
+    """Numbers of samples that repeat the one before, of each run of equal samples that is no chance, and the least.
+
+    Runs at the extremes are those of a rail.
+    """
+    same = x[1:] == x[:-1]
+    edges = np.flatnonzero(np.diff(np.concatenate(([False], same, [False])).astype(np.int8)))
+    starts, lengths = edges[::2], edges[1::2] - edges[::2]
+    off_rails = (x[starts] != x.max()) & (x[starts] != x.min())
+    # Samples of a coarse converter repeat by chance; the longer a run, the more often it goes on.
+    longer = [int(np.count_nonzero(lengths >= k)) for k in range(1, _LONGEST_COUNTED + 1)]
+    usual = [after / before for before, after in pairwise(longer) if before > _USUAL * x.size]
+    goes_on = min(max(usual, default=0.0), 0.99)
+    least = 2 + math.ceil(math.log(_BY_CHANCE / x.size) / math.log(max(goes_on, 1e-6)))
+    return lengths[off_rails & (lengths >= least)], least

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from twingap.effects import measurements
 from twingap.effects._references import IEEE_1057
@@ -15,6 +16,18 @@ from twingap.effects.draft import Draft
 from twingap.effects.drawing import log_uniform
 from twingap.effects.machine import Machine
 from twingap.effects.registry import register
+from twingap.records import Record
+
+_FEW: Final = 0.25
+"""Distinct samples over all of a record up to which it is coarse. A larger value reads finer steps, less exactly."""
+_WHOLE: Final = 0.02
+"""Largest distance of a difference of neighbouring levels from a multiple of the step."""
+_MOST: Final = 0.95
+"""Part of these differences that have to be multiples. A smaller value reads a step off records with few levels."""
+_SAME_STEP: Final = 0.01
+"""Largest relative difference of the steps of records. A larger value takes two converters for one."""
+_ROUNDING: Final = 1e-6
+"""Relative difference up to which two samples are one level."""
 
 
 @register
@@ -41,6 +54,16 @@ class Quantisation(Effect):
     def draw(cls, machine: Machine, rng: np.random.Generator) -> Mapping[str, float]:
         return {"step": log_uniform(rng, 0.05, 2.0)}
 
+    @classmethod
+    def read_off(cls, records: Iterable[Record], simulated: Iterable[Record]) -> Mapping[str, float]:
+        """The step, where all records have the same and the twin has none."""
+        steps = np.array([_step(np.asarray(record.samples, float)) for record in records])
+        if not steps.size or not steps.min() > 0 or np.ptp(steps) > _SAME_STEP * steps.max():
+            return {}
+        if any(_step(np.asarray(record.samples, float)) for record in simulated):
+            return {}
+        return {"step": float(np.median(steps))}
+
     def variant(self, machine: Machine, rng: np.random.Generator) -> Effect:
         return MidRiseQuantisation(**self.parameter_values())
 
@@ -52,3 +75,16 @@ class MidRiseQuantisation(Quantisation):
     def apply(self, draft: Draft, rng: np.random.Generator) -> None:
         step = self.step * draft.reference_rms
         draft.x = (np.floor(draft.x / step) + 0.5) * step
+
+
+def _step(x: NDArray[np.float64]) -> float:
+    """Step of which all samples are multiples, but for a common offset; 0 without one."""
+    levels = np.unique(x)
+    gaps = np.diff(levels)
+    gaps = gaps[gaps > _ROUNDING * np.abs(x).max()]
+    if gaps.size < 2 or gaps.size + 1 > _FEW * x.size:
+        return 0.0
+    multiples = gaps / np.median(gaps)  # most levels are in the middle, where none is left out
+    whole = np.rint(multiples)
+    fits = (whole >= 1) & (np.abs(multiples - whole) < _WHOLE * np.maximum(whole, 1))
+    return float(gaps[fits].sum() / whole[fits].sum()) if fits.mean() >= _MOST else 0.0

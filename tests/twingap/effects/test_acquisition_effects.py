@@ -9,6 +9,9 @@ import numpy as np
 import pytest
 
 from twingap.effects import Clipping, Dropout, Quantisation
+from twingap.effects.dropout import ZeroFilledDropout
+from twingap.effects.quantisation import MidRiseQuantisation
+from twingap.records import Record
 
 
 def repeats(x: np.ndarray) -> int:
@@ -63,3 +66,40 @@ def test_gaps_may_reach_over_either_end(lab: Any) -> None:
     x = lab.where(n_samples=300).make([Dropout(rate_hz=50.0, length_s=10.0)], count=20)
     assert np.isfinite(x).all()
     assert any(repeats(record) > 250 for record in x)
+
+
+def of(lab: Any, *effects: Any, count: int = 12) -> list[Record]:
+    """Records with these effects."""
+    made = zip(lab.conditions("outer", count), lab.make(effects, count=count), strict=True)
+    return [Record(condition, samples) for condition, samples in made]
+
+
+@pytest.mark.parametrize("others", [(), (Clipping(rail=2.0),), (Quantisation(step=0.5),)])
+def test_gaps_are_read_off_the_records(lab: Any, others: tuple[Any, ...]) -> None:
+    bare, missing = of(lab, count=2), Dropout(rate_hz=6.0, length_s=0.008)
+    for gaps in (missing, ZeroFilledDropout(**missing.parameter_values())):
+        found = Dropout.read_off(of(lab, gaps, *others), bare)
+        assert found["rate_hz"] == pytest.approx(6.0, rel=0.2)
+        assert found["length_s"] == pytest.approx(0.008, rel=0.2)
+    assert not Dropout.read_off(of(lab, missing, *others), of(lab, missing)), "the twin has it"
+
+
+@pytest.mark.parametrize("other", [Clipping(rail=1.5), Quantisation(step=2.0), Quantisation(step=0.02)])
+def test_no_gap_is_read_off_a_rail_or_a_coarse_converter(lab: Any, other: Any) -> None:
+    assert not Dropout.read_off(of(lab, other), of(lab, count=2))
+
+
+@pytest.mark.parametrize("step", [0.03, 0.25, 2.0])
+def test_a_step_is_read_off_the_records(lab: Any, step: float) -> None:
+    bare, coarse = of(lab, count=2), Quantisation(step=step)
+    others = (Dropout(rate_hz=2.0), Clipping(rail=3.01))
+    for chain in ((coarse,), (coarse, *others), (MidRiseQuantisation(step=step),)):
+        assert Quantisation.read_off(of(lab, *chain), bare)["step"] == pytest.approx(step, rel=1e-3)
+    assert not Quantisation.read_off(of(lab, coarse), of(lab, coarse)), "the twin has it"
+
+
+def test_no_step_is_read_off_fine_records_or_those_of_two_converters(lab: Any) -> None:
+    bare = of(lab, count=2)
+    assert not Quantisation.read_off(of(lab, Dropout(), Clipping(rail=1.5)), bare)
+    mixed = [*of(lab, Quantisation(step=0.2)), *of(lab, Quantisation(step=0.3))]
+    assert not Quantisation.read_off(mixed, bare)
