@@ -84,7 +84,9 @@ def _step(x: NDArray[np.float64]) -> float:
     gaps = gaps[gaps > _ROUNDING * np.abs(x).max()]
     if gaps.size < 2 or gaps.size + 1 > _FEW * x.size:
         return 0.0
-    multiples = gaps / np.median(gaps)  # most levels are in the middle, where none is left out
-    whole = np.rint(multiples)
-    fits = (whole >= 1) & (np.abs(multiples - whole) < _WHOLE * np.maximum(whole, 1))
-    return float(gaps[fits].sum() / whole[fits].sum()) if fits.mean() >= _MOST else 0.0
+    for base in (gaps.min(), np.median(gaps)):  # the smallest may be that to a rail or to zero
+        whole = np.rint(gaps / base)
+        fits = (whole >= 1) & (np.abs(gaps / base - whole) < _WHOLE)
+        if fits.mean() >= _MOST:
+            return float(gaps[fits].sum() / whole[fits].sum())
+    return 0.0
