@@ -78,7 +78,7 @@ def test_explained_is_said_where_nothing_points_to_a_further_effect(clipped):
 def test_the_report_keeps_the_contract(clipped):
     assert problems(to_json(clipped.report)) == []
     assert {c.effect for c in clipped.report.candidates} == set(trainable())
-    assert all(c.effect == "quantisation" or c.closure < 0.6 for c in clipped.report.candidates)
+    assert all(c.effect == "quantisation" or c.closure_ci[0] < 0.3 for c in clipped.report.candidates)
     assert 0.2 < math.fsum(place.share for place in clipped.report.places) <= 1 + 1e-9
 
 
