@@ -48,6 +48,7 @@ from twingap.gap.search.exchange_test import exchange_p_value
 from twingap.gap.search.group_names import groups_of
 from twingap.gap.search.measured_effects import with_measured
 from twingap.gap.search.modelled_effects import completed
+from twingap.gap.search.value_intervals import with_shorter_intervals
 from twingap.identification.calibrate import Calibrated, calibrate_prepared, prepare
 from twingap.identification.speed_reading import FEWEST_TURNS
 from twingap.provenance import versions
@@ -177,6 +178,8 @@ def _diagnosed(
     notes += exchange_notes
     progress("path, lines and background", 0.62)
     found = with_measured(evidence, found)
+    if not quick:
+        found = with_shorter_intervals(evidence, found)
     progress("places and tests", 0.65)
     held_out = HeldOut(evidence, found)
     before = held_out.replicates(found.before.simulator, found.before.effects, held_out.most)
