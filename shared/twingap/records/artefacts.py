@@ -15,8 +15,13 @@ quantised has at most 2.4, noise less than 1. A larger value misses slight clipp
 _LEAST_CLIPPED: Final = 3
 _SPIKE: Final = 12.0
 """Height of a spike in robust standard deviations; lower ones hardly change peak to peak."""
+_BESIDE: Final = 4
+"""Samples on either side of a spike that are small; with one alone, a resonance near a quarter of the sampling rate,
+whose every second sample is near zero, is taken for spikes. More miss spikes close to each other."""
 _ALONE: Final = 0.15
-"""Largest height of the samples beside a spike, relative to it: the response of a structure lasts several samples."""
+"""Largest height of the samples beside a spike, relative to it; larger takes strongly damped impacts for spikes."""
+_NOISE: Final = 3.5
+"""Height that samples beside a spike may have in any case, in robust standard deviations; lower misses low spikes."""
 _BLOCKS: Final = 64
 _EXPLAINED: Final = 0.9
 """Share of the variance of block means that an exponential explains where the sensor settles; a larger value misses
@@ -106,17 +111,20 @@ def without_spikes(x: Array) -> tuple[Array, int]:
 
     Notes
     -----
-    An impact makes the structure ring for several samples. A single sample far outside the scatter between two small
-    ones is electrical, as of a loose contact.
+    A structure rings on after an impact: at a quality factor of ten (damping of 5 %) and any resonance that the record
+    can hold, one of the next four samples is nearly half as high. A single sample far outside the scatter between four
+    small ones on either side is electrical, as of a loose contact.
     """
     if x.size < 8:
         return x, 0
     centred = x - np.median(x)
-    scatter = 1.4826 * float(np.median(np.abs(centred)))
     height = np.abs(centred)
-    beside = np.maximum(np.roll(height, 1), np.roll(height, -1))
-    places = np.flatnonzero((height > _SPIKE * scatter) & (beside < _ALONE * height) & (scatter > 0))
+    scatter = 1.4826 * float(np.median(height))
+    places = np.flatnonzero((height > _SPIKE * scatter) & (scatter > 0))
     places = places[(places > 0) & (places < x.size - 1)]
+    beside = np.concatenate((np.arange(-_BESIDE, 0), np.arange(1, _BESIDE + 1)))
+    highest = height[np.clip(places[:, None] + beside, 0, x.size - 1)].max(axis=1)
+    places = places[highest < np.maximum(_ALONE * height[places], _NOISE * scatter)]
     if not places.size:
         return x, 0
     out = x.copy()

@@ -78,14 +78,18 @@ def test_spikes_of_a_loose_contact_are_no_anomaly(tmp_path: Path) -> None:
     assert any("in 70 records, the first '080', single samples stand out" in note for note in found.notes)
 
 
-def test_impacts_that_ring_are_no_spikes(tmp_path: Path) -> None:
-    ring = 60 * np.exp(-np.arange(300) / 20) * np.sin(2 * np.pi * np.arange(300) * 4000 / 25600)
+@pytest.mark.parametrize("resonance_hz", [4000, 6400, 9600])
+def test_growing_impacts_that_ring_are_an_anomaly_and_no_spikes(tmp_path: Path, resonance_hz: float) -> None:
+    """At 6400 Hz, a quarter of the sampling rate, every second sample of the response is near zero."""
+    ring = np.exp(-np.arange(300) / 20) * np.sin(2 * np.pi * np.arange(300) * resonance_hz / 25600)
 
     def impacts(i: int, x: Array) -> Array:
-        return x + np.pad(ring, (500, 4096 - 800)) if i >= 80 else x
+        return x + 20 * np.exp((i - 80) / 30) * np.pad(ring, (500, 4096 - 800)) if i >= 80 else x
 
     found = followed(tmp_path, impacts, onset=999)
-    assert found.alarm is not None and not any("single samples" in note for note in found.notes)
+    assert found.onset == "080"
+    assert found.rows()[-1]["remaining_time_s"] == 0
+    assert not any("single samples" in note for note in found.notes)
 
 
 @pytest.mark.parametrize("rows", [1, 60])

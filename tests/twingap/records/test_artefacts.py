@@ -1,13 +1,13 @@
-"""Clipped samples and settling sensors are found, and nothing else is taken for them."""
+"""Clipped samples, settling sensors and electrical spikes are found, and nothing else is taken for them."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from twingap.records.artefacts import clipped_samples, without_settling
+from twingap.records.artefacts import clipped_samples, without_settling, without_spikes
 
 X = np.random.default_rng(0).standard_normal(4096)
 
@@ -52,3 +52,35 @@ def test_what_is_no_settling_stays_as_it_is(x: np.ndarray) -> None:
     settled, offset = without_settling(x)
     assert offset == 0
     assert settled is x
+
+
+@given(place=st.integers(1, 4094), height=st.floats(40, 1e6), sign=st.sampled_from([-1, 1]), seed=st.integers(0, 99))
+@settings(max_examples=60, deadline=None)
+def test_a_spike_of_one_sample_is_taken_out(place: int, height: float, sign: int, seed: int) -> None:
+    x = np.random.default_rng(seed).standard_normal(4096)
+    spiky = x.copy()
+    spiky[place] = sign * height
+    cleaned, count = without_spikes(spiky)
+    assert count == 1
+    assert np.array_equal(np.delete(cleaned, place), np.delete(x, place))
+    assert cleaned[place] == (x[place - 1] + x[place + 1]) / 2
+
+
+@given(
+    resonance=st.floats(0.02, 0.49),
+    quality=st.floats(10, 100),
+    between=st.floats(0, 1),
+    height=st.floats(40, 1e4),
+    seed=st.integers(0, 99),
+)
+@example(resonance=0.25, quality=10, between=0, height=60, seed=0)  # every second sample is zero
+@settings(max_examples=200, deadline=None)
+def test_an_impact_that_rings_is_no_spike(
+    resonance: float, quality: float, between: float, height: float, seed: int
+) -> None:
+    """At any resonance below half the sampling rate, wherever the impact falls between samples."""
+    since = np.arange(200) + between
+    ring = np.exp(-np.pi * resonance / quality * since) * np.sin(2 * np.pi * resonance * since)
+    x = np.random.default_rng(seed).standard_normal(4096)
+    x[1000:1200] += height * ring / np.abs(ring).max()
+    assert without_spikes(x)[1] == 0
