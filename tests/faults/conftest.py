@@ -84,7 +84,7 @@ class Forks:
         """End the server."""
         assert self._server.stdin is not None
         self._server.stdin.close()
-        self._server.wait(20)
+        self._server.wait(300)  # a busy machine takes long to end a process
 
 
 @pytest.fixture(scope="session")

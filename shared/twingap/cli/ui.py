@@ -28,18 +28,18 @@ def ui(
         say(f"the runs are on a tracking server; open {uri}")
         return
     with contextlib.suppress(KeyboardInterrupt), serving(uri, host, port) as server:
-        shown = "127.0.0.1" if host == "0.0.0.0" else host
-        say(f"runs of {uri}", f"http://{shown}:{port}{_page(uri)}   (Ctrl-C ends it)")
+        say(f"runs of {uri}", f"{_address(uri, host, port)}   (Ctrl-C ends it)")
         sys.stdout.flush()
         server.wait()
         raise TwingapError("the UI ended by itself", where=uri, mend="start it again")
 
 
-def _page(uri: str) -> str:
-    """Address of the latest run's experiment in the UI; "" where the store does not provide it."""
-    from twingap.track.server import latest_experiment
+def _address(uri: str, host: str, port: int) -> str:
+    """Address of the latest run's experiment in the UI; of its first page where the store does not tell."""
+    from twingap.track.server import latest_experiment, reached
     from twingap.track.store import sqlite_path
 
     database = sqlite_path(uri)
     experiment = None if database is None else latest_experiment(database)
-    return "" if experiment is None else f"/#/experiments/{experiment}/runs"
+    page = "" if experiment is None else f"/#/experiments/{experiment}/runs"
+    return f"http://{reached(host)}:{port}{page}"

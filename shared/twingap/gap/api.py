@@ -23,7 +23,7 @@ from twingap.errors import TwingapError
 from twingap.gap.closest import CLOSEST_FILE, ceiling, closest_of, of_verdict
 from twingap.gap.diagnosis import Diagnosis, FilePath, Progress, no_progress
 from twingap.gap.distance.closure import Closure, closure_interval, paired
-from twingap.gap.distance.closure_metrics import closure_metrics
+from twingap.gap.distance.closure_metrics import closure_metrics, with_statistics
 from twingap.gap.distance.curves import curves
 from twingap.gap.distance.localisation import followed, locate, new_ones, presentable
 from twingap.gap.distance.paired import Paired
@@ -52,7 +52,7 @@ from twingap.gap.search.value_intervals import with_shorter_intervals
 from twingap.identification.calibrate import Calibrated, calibrate_prepared, prepare
 from twingap.identification.speed_reading import FEWEST_TURNS
 from twingap.provenance import versions
-from twingap.records import RecordSet
+from twingap.records import Condition, RecordSet
 from twingap.records.folder import read_record_set
 from twingap.streams import root_entropy
 from twingap.twins.simulator import TwinSimulator
@@ -75,6 +75,8 @@ _MOST: Final = 0.5
 larger value leaves more gaps partly explained whose effects are right and whose values are not."""
 _NAMING: Final = ("explained", "partly_explained")
 """Status with effects."""
+_LEAST_S: Final = 0.5
+"""Duration that is advised at least where records are too short; a longer one resolves lines better."""
 _LEAST_CEILING: Final = 0.5
 """Closure by real records below which they are no measure of what a twin can close: they differ as much as the twin."""
 
@@ -152,11 +154,7 @@ def _diagnosed(
     stated = spec if sim is None else replace(spec, bearing=sim.bearing)
     notes = [note] if (note := overruled(stated, records.bearing, "twin file" if sim is None else sim.name)) else []
     used = _thinned(records, notes)
-    if short := sum(c.duration_s * c.speed_rpm / 60 < FEWEST_TURNS for c in used.conditions):
-        notes.append(
-            f"{short} of {len(used)} records hold fewer than {FEWEST_TURNS:g} turns of the shaft: their speed cannot "
-            "be read and lines of bearing faults are not resolved; record half a second or more"
-        )
+    notes += _few_turns(used.conditions)
     if len(rates := sorted({c.fs_hz for c in records.conditions})) > 1:
         of = " and ".join(f"{rate:g}" for rate in rates) if len(rates) < 4 else f"{rates[0]:g} to {rates[-1]:g}"
         notes.append(f"records have sampling rates of {of} Hz: places near half of one may be those of its filter")
@@ -197,6 +195,7 @@ def _diagnosed(
     metrics = closure_metrics(
         held_out.real, before[:count], after[:count], rng, more=held_out.training_sets(), floors=floors
     )
+    tests = with_statistics(tests, metrics)
     closed = closure_interval(*pairs, floor, rng)
     found, exchange_notes = _significant(found, closed, tests, located.places)
     notes += exchange_notes
@@ -258,6 +257,16 @@ def _diagnosed(
         closest=near,
     )
     return Diagnosis(report, found, calibrated, root, closest, not quick)
+
+
+def _few_turns(conditions: Sequence[Condition]) -> Iterator[str]:
+    """Note on records that are too short to read their speed."""
+    if short := [c for c in conditions if c.duration_s * c.speed_rpm / 60 < FEWEST_TURNS]:
+        longest = max(_LEAST_S, *(60 * FEWEST_TURNS / c.speed_rpm for c in short))
+        yield (
+            f"{len(short)} of {len(conditions)} records hold fewer than {FEWEST_TURNS:g} turns of the shaft: their "
+            f"speed cannot be read and lines of bearing faults are not resolved; record {longest:.2g} s or more"
+        )
 
 
 def _confirmed(found: Explanation, evidence: Evidence) -> tuple[Explanation, list[str]]:

@@ -113,6 +113,11 @@ def serving(uri: str, host: str, port: int, *, need_runs: bool = True) -> Iterat
             _end(server)
 
 
+def reached(host: str) -> str:
+    """Host within an address at which a server that is bound to `host` is reached from this machine."""
+    return {"0.0.0.0": "127.0.0.1", "::": "[::1]"}.get(host, f"[{host}]" if ":" in host else host)
+
+
 def _check_free(host: str, port: int) -> None:
     family = socket.AF_INET6 if ":" in host else socket.AF_INET
     with socket.socket(family, socket.SOCK_STREAM) as probe:
@@ -128,12 +133,11 @@ def _check_free(host: str, port: int) -> None:
 
 def _answers(server: subprocess.Popen[bytes], host: str, port: int) -> bool:
     """Wait until the server responds; False when it ended or timed out."""
-    reach = {"0.0.0.0": "127.0.0.1", "::": "[::1]"}.get(host, f"[{host}]" if ":" in host else host)
     until = time.monotonic() + PATIENCE_S
     direct = urllib.request.build_opener(urllib.request.ProxyHandler({}))
     while server.poll() is None and time.monotonic() < until:
         try:
-            with direct.open(f"http://{reach}:{port}/health", timeout=2):
+            with direct.open(f"http://{reached(host)}:{port}/health", timeout=2):
                 return True
         except (urllib.error.URLError, OSError):
             time.sleep(0.2)

@@ -181,6 +181,25 @@ def test_a_single_record_and_healthy_rows_alone(twingap: Run, folder: Path, tmp_
     assert rows_of(tmp_path / "a.csv")[1] == ["ä 0", "0", "", "", "", ""]
 
 
+def test_a_run_no_longer_than_its_healthy_rows_says_why_no_row_has_an_estimate(
+    twingap: Run, folder: Path, tmp_path: Path
+) -> None:
+    def short(rows: list[list[str]]) -> list[list[str]]:
+        return rows[:41]
+
+    run, out = edited(folder, short), tmp_path / "a.csv"
+    note = "no row has an estimate: the run has 40 rows, and the first {} are taken as healthy; give a smaller"
+    for rows, words in ((60, ()), (40, ("--healthy-rows", 40))):
+        done = twingap(run, "--out", out, *words)
+        assert done.status == 0 and done.err.splitlines()[0] == f"note: {note.format(rows)} --healthy-rows"
+        assert all(row[1:] == ["0", "", "", "", ""] for row in rows_of(out)[1:])
+    assert "no row has an estimate" not in twingap(run, "--out", out, "--healthy-rows", 20).err
+    table = tmp_path / "runs.csv"
+    table.write_text("record,life_revolutions\na,200000\nb,3e5\n", "utf-8")
+    assert "no row has an estimate" not in twingap(run, "--out", out, "--prior", table).err
+    assert all(all(row) for row in rows_of(out)[1:]), "the other runs give estimates"
+
+
 def test_why_there_is_no_anomaly(twingap: Run, tmp_path: Path) -> None:
     """A machine that hardly ran is not one with many rows, and the last rows of one that breaks are not healthy."""
     rng = np.random.default_rng(0)

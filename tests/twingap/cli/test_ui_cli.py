@@ -16,6 +16,7 @@ from pathlib import Path
 import pytest
 
 from tests.twingap.cli.typed import Run, refused
+from twingap.cli.ui import _address
 from twingap.track import MlflowTracker
 
 NewDatabase = Callable[[Path], str]
@@ -86,6 +87,19 @@ def test_nothing_to_show_is_one_line(ui: Run, tmp_path: Path, new_database: NewD
     ):
         refused(ui(*words), expected)
     assert not (tmp_path / ".twingap").exists()
+
+
+@pytest.mark.parametrize(("host", "shown"), [("127.0.0.1", "127.0.0.1"), ("0.0.0.0", "127.0.0.1"), ("::", "[::1]")])
+def test_the_address_opens_the_experiment_of_the_latest_run(
+    tmp_path: Path, new_database: NewDatabase, host: str, shown: str
+) -> None:
+    uri = new_database(tmp_path / "mlflow.db")
+    first, second = MlflowTracker(uri, "paper1"), MlflowTracker(uri, "paper3")
+    for tracker, experiment in ((second, 2), (first, 1)):
+        with tracker.run("shown"):
+            pass
+        assert _address(uri, host, 5001) == f"http://{shown}:5001/#/experiments/{experiment}/runs"
+    assert _address("postgresql://runs.example/mlflow", host, 5001) == f"http://{shown}:5001"
 
 
 def test_a_server_is_named_not_served(ui: Run) -> None:

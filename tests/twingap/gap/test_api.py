@@ -13,7 +13,7 @@ from twingap.bearing import BEARINGS
 from twingap.effects import make_effect, trainable
 from twingap.errors import TwingapError
 from twingap.gap import api, diagnose
-from twingap.gap.api import _notes, _status
+from twingap.gap.api import _few_turns, _notes, _status
 from twingap.gap.distance.closure import Closure
 from twingap.gap.report.files import read_report, to_json
 from twingap.gap.report.schema import problems
@@ -73,6 +73,13 @@ def test_explained_is_said_where_nothing_points_to_a_further_effect(clipped):
     assert _status(left, closed, 0.69) == "explained"
     assert _status(left, closed, 0.72) == "partly_explained"
     assert _status(left, closed, 0.2) == "partly_explained", "records that differ as much are no measure"
+
+
+def test_statistics_of_tests_are_those_of_the_measures(clipped):
+    before = {metric.metric: metric.before for metric in clipped.report.metrics}
+    assert [test.statistic for test in clipped.report.tests] == [
+        before["AUC of a classifier, records against twin"], before["MMD^2 between records and twin"]
+    ]  # fmt: skip
 
 
 def test_the_report_keeps_the_contract(clipped):
@@ -156,6 +163,19 @@ def test_another_level_with_the_named_effects_is_notes():
     assert list(_notes(found(3.0, 3.02))) == []
     (told,) = _notes(found(3.0, 4.5))
     assert "by 3 as they are and by 4.5 with the named effects" in told
+
+
+@pytest.mark.parametrize(("speed_rpm", "duration_s", "advised"), [(300.0, 0.5, "0.8 s"), (1800.0, 0.1, "0.5 s")])
+def test_records_of_few_turns_are_notes(speed_rpm, duration_s, advised):
+    """However few turns come about: at low speed or in a short record."""
+
+    def condition(speed, duration):
+        return Condition("r", speed, 12000.0, round(12000 * duration))
+
+    long = condition(1800.0, 0.5)
+    assert list(_few_turns([long, long])) == []
+    (note,) = _few_turns([long, condition(speed_rpm, duration_s), long])
+    assert note.startswith("1 of 3 records hold fewer than 4 turns") and note.endswith(f"record {advised} or more")
 
 
 def test_one_record_is_refused(learnt):

@@ -6,7 +6,8 @@ records, replicates before and after --> overall gap, gap in each domain, AUC, M
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -16,13 +17,24 @@ from twingap.gap.distance.closure import paired, percentile_interval
 from twingap.gap.distance.domain_names import DomainName
 from twingap.gap.distance.feature_vectors import FeatureVectors
 from twingap.gap.distance.paired import Paired
-from twingap.gap.distance.two_sample_tests import auc_of_records, classifier_test, mmd_kernel, mmd_test
-from twingap.gap.report.model import Interval, Metric
+from twingap.gap.distance.two_sample_tests import (
+    AUC_TEST,
+    MMD_TEST,
+    auc_of_records,
+    classifier_test,
+    mmd_kernel,
+    mmd_test,
+)
+from twingap.gap.report.model import Interval, Metric, TwoSampleTest
 
 Array = NDArray[np.float64]
 TrainingSets = tuple[tuple[FeatureVectors, Sequence[str]] | None, tuple[FeatureVectors, Sequence[str]] | None]
 """Simulated records and their faults, of the twin before and after."""
 
+_AUC: Final = "AUC of a classifier, records against twin"
+_MMD: Final = "MMD^2 between records and twin"
+_MEASURES: Final[Mapping[str, str]] = {AUC_TEST: _AUC, MMD_TEST: _MMD}
+"""Two-sample test -> measure of the same statistic."""
 _NO_TRAINING_SETS: Final[TrainingSets] = (None, None)
 _DRAWS: Final = 400
 """Draws of each bootstrap: more make intervals more precise, and take longer."""
@@ -80,6 +92,15 @@ def closure_metrics(
         out.append(Metric(f"gap in {domain}", vb, va, of_domains[domain], ci_a, ci_b, unit))
     out = [_plain(metric) for metric in out]
     return (*out, _auc(pairs, rng), _mmd(pairs, rng), *_accuracy(pairs, rng, more))
+
+
+def with_statistics(tests: Iterable[TwoSampleTest], metrics: Iterable[Metric]) -> tuple[TwoSampleTest, ...]:
+    """Two-sample tests with the statistics of the twin before as in the measures, so that a report states one of each.
+
+    P-values are of all replicates of the twin; measures have as many before as after, which are fewer.
+    """
+    before = {metric.metric: metric.before for metric in metrics}
+    return tuple(replace(test, statistic=before.get(_MEASURES[test.name], test.statistic)) for test in tests)
 
 
 def accuracy_on_records(
@@ -142,9 +163,8 @@ def _auc(pairs: tuple[Paired, Paired], rng: np.random.Generator) -> Metric:
     seed = int(rng.integers(2**63))
     (b, groups_b), (a, groups_a) = (auc_of_records(p, np.random.default_rng(seed)) for p in pairs)
     floor = classifier_test(pairs[1], rng, draws=99).null_mean
-    name = "AUC of a classifier, records against twin"
     ci_a, ci_b = _mean_interval(a, groups_a, rng), _mean_interval(b, groups_b, rng)
-    return Metric(name, float(b.mean()), float(a.mean()), floor, ci_a, ci_b)
+    return Metric(_AUC, float(b.mean()), float(a.mean()), floor, ci_a, ci_b)
 
 
 def _mmd(pairs: tuple[Paired, Paired], rng: np.random.Generator) -> Metric:
@@ -165,7 +185,7 @@ def _mmd(pairs: tuple[Paired, Paired], rng: np.random.Generator) -> Metric:
         values.append(float(means[0]))
         intervals.append(percentile_interval(means[1:][off[1:] > 0], values[-1]))
     floor = mmd_test(pairs[1], rng, draws=99).null_mean
-    return Metric("MMD^2 between records and twin", values[0], values[1], floor, intervals[1], intervals[0])
+    return Metric(_MMD, values[0], values[1], floor, intervals[1], intervals[0])
 
 
 def _accuracy(pairs: tuple[Paired, Paired], rng: np.random.Generator, more: TrainingSets | None) -> Iterator[Metric]:

@@ -28,6 +28,8 @@ from twingap.records import Condition
 Array = NDArray[np.float64]
 Choice = NDArray[np.int64]
 
+AUC_TEST: Final = "classifier two-sample test (AUC)"
+MMD_TEST: Final = "MMD^2"
 MOST_RECORDS: Final = 200
 _MOST_ROWS: Final = 500
 """Largest number of records, and of records and replicates together, in a test. More take quadratically longer and give
@@ -87,7 +89,7 @@ def classifier_test(pair: Paired, rng: np.random.Generator, draws: int = 999) ->
     conditions = [pair.conditions[i] for i in kept]
     choices = exchanges(len(rows), rows.shape[1] - 1, draws, rng)
     auc = _within_auc(_scores(rows, conditions, choices, rng), choices).mean(axis=1)
-    return _tested("classifier two-sample test (AUC)", auc)
+    return _tested(AUC_TEST, auc)
 
 
 def auc_of_records(pair: Paired, rng: np.random.Generator) -> tuple[Array, list[str | None]]:
@@ -107,7 +109,7 @@ def mmd_test(pair: Paired, rng: np.random.Generator, draws: int = 999) -> TwoSam
     rows, _ = _rows(pair, rng)
     members, kernel = rows.shape[1], rbf(rows)
     choices = exchanges(len(rows), members - 1, draws, rng)
-    return _tested("MMD^2", mmd_statistics(kernel, choices, members))
+    return _tested(MMD_TEST, mmd_statistics(kernel, choices, members))
 
 
 def mmd_kernel(pair: Paired, rng: np.random.Generator) -> tuple[Array, list[str | None]]:

@@ -11,11 +11,13 @@ from numpy.typing import NDArray
 from scipy.stats import binom
 
 from twingap.gap.distance.closure import Closure, closure, closure_interval, paired
-from twingap.gap.distance.closure_metrics import accuracy_between_records, closure_metrics
+from twingap.gap.distance.closure_metrics import accuracy_between_records, closure_metrics, with_statistics
 from twingap.gap.distance.curves import curves
 from twingap.gap.distance.domain_names import DomainName
 from twingap.gap.distance.feature_vectors import FeatureVectors
 from twingap.gap.distance.grid import Axis
+from twingap.gap.distance.paired import Paired
+from twingap.gap.distance.two_sample_tests import two_sample_tests
 from twingap.records import Condition
 
 Array = NDArray[np.float64]
@@ -118,6 +120,19 @@ def test_where_nothing_is_added_no_measure_moves() -> None:
     sims = many(conditions, rng, 0.0, 4)
     for metric in closure_metrics(vectors_of(conditions, rng, 0.1 * MISSING), sims, sims, rng):
         assert metric.before == metric.after, metric.metric
+
+
+def test_a_test_states_the_statistic_of_the_measure_and_its_own_p_value() -> None:
+    rng = np.random.default_rng(10)
+    conditions = tuple(replace(c, group=f"g{i // 2}") for i, c in enumerate(conditions_of(8)))
+    real, sims = vectors_of(conditions, rng, 0.3 * MISSING), many(conditions, rng, 0.0, 12)
+    tests = [test.test for test in two_sample_tests(Paired(real, sims), rng, 99)]
+    metrics = {m.metric: m for m in closure_metrics(real, sims[:3], sims[:3], rng)}
+    auc, mmd = with_statistics(tests, metrics.values())
+    assert auc.statistic == metrics["AUC of a classifier, records against twin"].before != tests[0].statistic
+    assert mmd.statistic == metrics["MMD^2 between records and twin"].before != tests[1].statistic
+    assert [auc.p_value, mmd.p_value] == [test.p_value for test in tests]
+    assert with_statistics(tests, ()) == tuple(tests)
 
 
 def test_accuracy_is_left_out_where_one_record_of_a_fault_has_no_other_to_be_learnt_from() -> None:

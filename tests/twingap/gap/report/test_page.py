@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from twingap.effects import make_effect
+from twingap.gap.distance.two_sample_tests import AUC_TEST, MMD_TEST
 from twingap.gap.report.advice import condition_words, contradictions, next_steps, place_words, snippet, undecided
 from twingap.gap.report.figures import MOST_POINTS, all_figures, curve_figure
 from twingap.gap.report.model import (
@@ -209,6 +210,21 @@ def test_places_are_marked_on_the_curves_of_their_domain(make_report: MakeReport
     assert point.layout.shapes[0].x1 - point.layout.shapes[0].x0 > 10  # a line is widened to be seen
 
 
+@pytest.mark.parametrize(
+    ("low", "high", "shaded"),
+    [(100.0, 3400.0, False), (None, 3000.0, False), (1000.0, None, True), (50.0, 2700.0, True)],
+)
+def test_a_place_over_the_whole_axis_is_numbered_and_not_shaded(
+    make_report: MakeReport, low: float | None, high: float | None, shaded: bool
+) -> None:
+    """A band over all of the axis, from 100 to 3400 Hz, hides the curves and tells nothing."""
+    figure = curve_figure(make_report().curves["spectrum"], (Place("frequency", low, high, "Hz", 1.0, 0.01),))
+    (shape,) = figure.layout.shapes
+    assert figure.layout.annotations[0].text == "<b>1</b>"
+    opacity = float(shape.fillcolor.removesuffix(")").rpartition(",")[2])
+    assert (opacity > 0) == shaded
+
+
 def test_long_lines_are_thinned_and_keep_their_peaks() -> None:
     n = 40 * MOST_POINTS + 7
     line = [0.0] * n
@@ -304,6 +320,27 @@ def test_a_verdict_of_no_gap_that_a_test_contradicts_is_flagged(make_report: Mak
     assert not any("Use the twin" in step for step in next_steps(torn))
     found = dataclasses.replace(make_report("explained"), tests=torn.tests)
     assert contradictions(found) == ()
+
+
+def test_the_headline_says_what_the_statistics_of_tests_mean(make_report: MakeReport) -> None:
+    tests = (TwoSampleTest(AUC_TEST, 0.5123, 0.4), TwoSampleTest(MMD_TEST, 0.00712, 0.3))
+    shown = " ".join(Reader(own(page(dataclasses.replace(make_report("no_gap"), tests=tests)))).words.split())
+    assert "0.5123, p = 0.4 (0.5 where a classifier cannot tell records from simulated ones, 1 where it always" in shown
+    assert "0.00712, p = 0.3 (0 where both have the same distribution)" in shown
+
+
+def test_an_effect_of_the_users_own_that_is_not_confirmed_is_remarked(make_report: MakeReport) -> None:
+    report = make_report("partly_explained")
+    remark = "An effect of your own, fitted and tested: held-out records do not confirm it."
+
+    def remarks(*own_effects: str) -> int:
+        stated = {**report.provenance, "own_effects": dict.fromkeys(own_effects, "ab" * 32)}
+        return Reader(own(page(dataclasses.replace(report, provenance=stated)))).words.count(remark)
+
+    assert remarks() == 0
+    assert remarks("slip_jitter") == 1
+    assert remarks("second_resonance") == 0, "it is named"
+    assert remarks("clipping") == 0, "it could not be added, so nothing was tested"
 
 
 def test_values_that_the_records_do_not_determine_are_marked_and_counted(make_report: MakeReport) -> None:

@@ -63,6 +63,17 @@ def test_the_closest_twin_is_kept_apart_from_the_verdict(make_report: MakeReport
     assert found["closure"] == 0.93 and found["after/accuracy"] == 0.95
 
 
+def test_a_quick_diagnosis_is_told_from_a_full_one(make_report: MakeReport, tmp_path: Path) -> None:
+    for quick in (True, False):
+        report = make_report(records="rig")
+        report = dataclasses.replace(report, provenance={**report.provenance, "quick": quick, "twin": "twin.toml"})
+        track_report(FolderTracker(tmp_path / str(quick)), report)
+        (run,) = (tmp_path / str(quick)).iterdir()
+        tags = json.loads((run / "tags.json").read_text(encoding="utf-8"))
+        assert tags["name"] == "rig · twin.toml · seed 3" + " · quick" * quick
+        assert json.loads((run / "parameters.json").read_text(encoding="utf-8"))["quick"] == str(quick).lower()
+
+
 def test_an_empty_report_is_tracked_too(make_report: MakeReport, tmp_path: Path) -> None:
     bare = dataclasses.replace(make_report("no_gap"), places=(), candidates=(), metrics=(), calibration={}, tests=())
     track_report(FolderTracker(tmp_path), bare)
