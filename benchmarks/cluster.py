@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import multiprocessing
 import statistics
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
+from concurrent.futures import ProcessPoolExecutor
 from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import partial
@@ -61,9 +62,10 @@ def measure(quick: bool) -> Measurement:
     with ExitStack() as stack:
         calls: dict[str, Callable[[], object]] = {}
         for n in WORKERS:
-            cluster = distributed().LocalCluster(n_workers=n, threads_per_worker=1, dashboard_address=None)
+            cluster = distributed().LocalCluster(n_workers=n, threads_per_worker=1, dashboard_address=":0")
             address = stack.enter_context(cluster).scheduler_address
-            pool = stack.enter_context(multiprocessing.get_context("spawn").Pool(n))
+            # Unlike multiprocessing.Pool, it ends also after one of its processes was killed.
+            pool = stack.enter_context(ProcessPoolExecutor(n, multiprocessing.get_context("spawn")))
             calls[f"cluster {n}"] = partial(_on_cluster, machines, address, f"cluster {n}", results)
             calls[f"processes {n}"] = partial(_on_processes, machines, pool.map, f"processes {n}", results)
         seconds = in_turn(calls, 1 if quick else 2)
@@ -103,11 +105,11 @@ def _on_cluster(machines: Sequence[Machine], address: str, name: str, results: d
 
 
 def _on_processes(
-    machines: Sequence[Machine], each: Callable[..., Sequence[dict[str, object]]], name: str,
+    machines: Sequence[Machine], each: Callable[..., Iterable[dict[str, object]]], name: str,
     results: dict[str, list[str]],
 ) -> None:  # fmt: skip
     """The same work, and nothing stored."""
-    results[name] = [_digest(value) for value in each(spectra, machines, chunksize=1)]
+    results[name] = [_digest(value) for value in each(spectra, machines)]
 
 
 def _digest(value: dict[str, object]) -> str:

@@ -1,4 +1,7 @@
-"""Checks of an SQLite tracking store before MLflow opens it: locked, no database, or written by a newer MLflow."""
+"""An SQLite tracking store before MLflow opens it: made whole, or checked.
+
+A store may be locked, no database, or written by a newer MLflow.
+"""
 
 from __future__ import annotations
 
@@ -7,6 +10,7 @@ import sqlite3
 from pathlib import Path
 
 from twingap.errors import TwingapError
+from twingap.files import replacing
 
 PATIENCE_S = 30.0
 """How long a lock is waited for; MLflow's own transactions take milliseconds."""
@@ -46,6 +50,35 @@ def check_database(database: Path, *, write: bool = True) -> None:
             where=database,
             mend="update it (pip install --upgrade mlflow), or choose another store with --tracking-uri",
         )
+
+
+def make_database(database: Path) -> None:
+    """Make the tables of an SQLite store that has none, all of them or none.
+
+    MLflow makes them by hundreds of migrations in place. One that is interrupted leaves a store that it refuses.
+
+    Parameters
+    ----------
+    database : Path
+        May be missing.
+
+    Raises
+    ------
+    TwingapError
+        When it cannot be written.
+    """
+    if database.exists():
+        with contextlib.closing(sqlite3.connect(f"{database.absolute().as_uri()}?mode=ro", uri=True)) as connection:
+            if connection.execute("SELECT count(*) FROM sqlite_master").fetchone() != (0,):
+                return
+    from mlflow.store.db.utils import _initialize_tables, create_sqlalchemy_engine_with_retry
+
+    with replacing(database) as temporary:
+        engine = create_sqlalchemy_engine_with_retry(f"sqlite:///{temporary}")
+        try:
+            _initialize_tables(engine)
+        finally:
+            engine.dispose()
 
 
 def explained(error: OSError | sqlite3.Error, database: Path) -> TwingapError:

@@ -16,7 +16,7 @@ import filelock
 
 from twingap.errors import TwingapError
 from twingap.provenance import versions
-from twingap.track.database import check_database
+from twingap.track.database import check_database, make_database
 from twingap.track.store import sqlite_path, tracking_uri
 from twingap.track.tidy import clean_file
 from twingap.track.tracker import Run, Status, ending
@@ -53,6 +53,9 @@ class MlflowTracker:
         check_database(database)
         # Two processes that open a new store at once would both create its tables.
         with filelock.FileLock(database.with_name(database.name + ".lock"), timeout=120):
+            with _explained(self.uri):
+                _quiet_mlflow()
+                make_database(database)
             self._open(database.parent / "artifacts" / clean_file(experiment))
 
     def _open(self, artifacts: Path | None) -> None:
@@ -207,4 +210,6 @@ def _explained(uri: str) -> Iterator[None]:
         mend = "start it, or choose another with --tracking-uri or MLFLOW_TRACKING_URI"
         if "database is locked" in str(error):
             line, mend = "the tracking store is locked by another program", "wait for it to end, or close it"
+        if "out-of-date database schema" in str(error):
+            line, mend = "was written by an older MLflow", f"make a copy of it, then: mlflow db upgrade {uri}"
         raise TwingapError(line, where=f"tracking store {uri}", mend=mend) from error

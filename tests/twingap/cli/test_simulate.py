@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import tracemalloc
 from pathlib import Path
 
 import numpy as np
@@ -50,6 +51,23 @@ def test_a_table_becomes_a_record_set(twingap: Run, twin: Path, table: Path, tmp
     assert made.conditions[4].time_s == 10 and made.conditions[4].extra["rig"] == "i"
     assert all(r.samples.shape == (1200,) and np.isfinite(r.samples).all() for r in made)
     assert sorted(p.name for p in out.parent.iterdir()) == ["a"]
+
+
+def test_samples_are_not_held_however_many_records_there_are(twingap: Run, twin: Path, tmp_path: Path) -> None:
+    """What grows is the table of conditions and of files, a few kilobytes a record; samples are 16 kB each."""
+    peaks = []
+    for records in (20, 500, 2000):  # the first imports and compiles
+        path = tmp_path / f"{records}.csv"
+        rows = [f"r{i},{900 + i % 1500},{('healthy', 'outer')[i % 2]}" for i in range(records)]
+        path.write_text("\n".join(["record,speed_rpm,fault", *rows]) + "\n", encoding="utf-8")
+        words = ("--fs-hz", 8000, "--duration-s", 0.25, "--out", tmp_path / f"{records}")
+        tracemalloc.start()
+        try:
+            assert twingap("simulate", twin, "--records", path, *words).status == 0
+            peaks.append(tracemalloc.get_traced_memory()[1])
+        finally:
+            tracemalloc.stop()
+    assert peaks[2] - peaks[1] < 1500 * 5000
 
 
 def test_same_seed_same_bytes(twingap: Run, twin: Path, table: Path, tmp_path: Path) -> None:

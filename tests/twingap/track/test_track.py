@@ -6,6 +6,7 @@ import ast
 import contextlib
 import json
 import math
+import signal
 import socket
 import sqlite3
 import subprocess
@@ -217,6 +218,33 @@ def test_two_processes_open_a_fresh_store_at_once(tmp_path: Path) -> None:
         assert database.execute("SELECT count(*) FROM metrics").fetchone() == (60,)
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("statements", [20, 400])
+def test_a_store_is_made_whole_or_not_at_all(tmp_path: Path, statements: int) -> None:
+    """A process that is killed while it makes the tables of a new store leaves nothing that the next stumbles on."""
+    script = (
+        "import os, signal, sys\n"
+        "from sqlalchemy import event\n"
+        "from sqlalchemy.engine import Engine\n"
+        "from twingap.track import MlflowTracker\n"
+        "left = int(sys.argv[2])\n"
+        "def count(*_):\n"
+        "    global left\n"
+        "    left -= 1\n"
+        "    left or os.kill(os.getpid(), signal.SIGKILL)\n"
+        "event.listen(Engine, 'after_cursor_execute', count)\n"
+        "MlflowTracker(sys.argv[1])"
+    )
+    path = tmp_path / "mlflow.db"
+    killed = subprocess.run([sys.executable, "-c", script, f"sqlite:///{path}", str(statements)])
+    assert killed.returncode == -signal.SIGKILL
+    with contextlib.closing(sqlite3.connect(path)) as database:
+        assert database.execute("SELECT count(*) FROM sqlite_master").fetchone() == (0,)
+    with MlflowTracker(f"sqlite:///{path}").run("after") as run:
+        run.metrics({"x": 1.0})
+    assert runs_in(path) == 1
+
+
 def test_stores_that_cannot_be_used_say_so_in_one_line(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     (tmp_path / "text.db").write_text("no database " * 100)
@@ -242,6 +270,17 @@ def test_a_store_of_a_newer_mlflow_says_what_helps(tmp_path: Path, new_database:
     for use in (lambda: MlflowTracker(f"sqlite:///{path}"), lambda: runs_in(path)):
         with pytest.raises(TwingapError, match=r"written by a newer MLflow than .*; update it \(pip install --upgrade"):
             use()
+
+
+def test_a_store_of_an_older_mlflow_says_what_helps(tmp_path: Path, new_database: NewDatabase) -> None:
+    path = tmp_path / "mlflow.db"
+    new_database(path)
+    with sqlite3.connect(path) as database:
+        database.execute("UPDATE alembic_version SET version_num = '75868b020152'")
+    with pytest.raises(
+        TwingapError, match="was written by an older MLflow; make a copy of it, then: mlflow db upgrade"
+    ):
+        MlflowTracker(f"sqlite:///{path}")
 
 
 def test_a_locked_store_says_so(tmp_path: Path, new_database: NewDatabase, monkeypatch: pytest.MonkeyPatch) -> None:
