@@ -15,9 +15,12 @@ quantised has at most 2.4, noise less than 1. A larger value misses slight clipp
 _LEAST_CLIPPED: Final = 3
 _SPIKE: Final = 12.0
 """Height of a spike in robust standard deviations; lower ones hardly change peak to peak."""
-_BESIDE: Final = 4
+_BESIDE: Final = 8
 """Samples on either side of a spike that are small; with one alone, a resonance near a quarter of the sampling rate,
 whose every second sample is near zero, is taken for spikes. More miss spikes close to each other."""
+_MOST: Final = 0.5
+"""Share of the outlying samples that stand alone above which they are spikes; lower takes impacts whose response is
+shorter than the sampling interval, and of which some fall on a sample, for spikes."""
 _ALONE: Final = 0.15
 """Largest height of the samples beside a spike, relative to it; larger takes strongly damped impacts for spikes."""
 _NOISE: Final = 3.5
@@ -112,20 +115,21 @@ def without_spikes(x: Array) -> tuple[Array, int]:
     Notes
     -----
     A structure rings on after an impact: at a quality factor of ten (damping of 5 %) and any resonance that the record
-    can hold, one of the next four samples is nearly half as high. A single sample far outside the scatter between four
-    small ones on either side is electrical, as of a loose contact.
+    can hold, one of the next four samples is nearly half as high. A single sample far outside the scatter between small
+    ones on either side is electrical, as of a loose contact, unless most outlying samples of the record have company:
+    impacts of one cause fall on samples and between them.
     """
     if x.size < 8:
         return x, 0
     centred = x - np.median(x)
     height = np.abs(centred)
     scatter = 1.4826 * float(np.median(height))
-    places = np.flatnonzero((height > _SPIKE * scatter) & (scatter > 0))
-    places = places[(places > 0) & (places < x.size - 1)]
+    outlying = np.flatnonzero((height > _SPIKE * scatter) & (scatter > 0))
+    places = outlying[(outlying > 0) & (outlying < x.size - 1)]
     beside = np.concatenate((np.arange(-_BESIDE, 0), np.arange(1, _BESIDE + 1)))
     highest = height[np.clip(places[:, None] + beside, 0, x.size - 1)].max(axis=1)
     places = places[highest < np.maximum(_ALONE * height[places], _NOISE * scatter)]
-    if not places.size:
+    if not places.size > _MOST * outlying.size:
         return x, 0
     out = x.copy()
     out[places] = (x[places - 1] + x[places + 1]) / 2
