@@ -307,7 +307,6 @@ class Work:
             yield title, self.tables[name][list(self.study.columns.get(name, self.tables[name].columns))]
 
     def notes(self) -> Iterator[str]:
-        """Lines to print below the headlines."""
         yield from self.study.notes(self)
         if self.missing:
             yield f"{self.study.name}: no data at hand for {', '.join(self.missing)}, left out"
@@ -316,7 +315,6 @@ class Work:
 
 
 def rows_of(table: pd.DataFrame) -> list[dict[str, Any]]:
-    """A table as rows."""
     return [{str(name): value for name, value in row.items()} for row in table.to_dict("records")]
 
 
@@ -348,6 +346,5 @@ def write_table(table: pd.DataFrame, base: Path, data: str = "") -> None:
 
 
 def write_figure(figure: Figure, path: Path) -> None:
-    """Write a PNG."""
     with files.replacing(path) as temporary:
         figure.savefig(temporary, dpi=110, bbox_inches="tight", metadata={"Software": "twingap"})

@@ -79,7 +79,6 @@ class Outcome:
         return [row for work in self.works.values() for row in work.rows]
 
     def notes(self) -> Iterator[str]:
-        """Lines to print below the headlines."""
         for work in self.works.values():
             yield from work.notes()
         if self.missing:

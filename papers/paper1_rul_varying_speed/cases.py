@@ -68,8 +68,6 @@ class Known:
 
 @dataclass(frozen=True)
 class Case:
-    """One run."""
-
     known: Known
     run: Run  # all rows to the end of life
     # records from K_anomaly to the end of life, with their true remaining revolutions: for the judge alone
@@ -79,7 +77,6 @@ class Case:
 
     @property
     def name(self) -> str:
-        """Of the bearing."""
         return self.known.name
 
     @property

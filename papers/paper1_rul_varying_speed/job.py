@@ -13,6 +13,7 @@ import numpy as np
 
 from papers.embedding import embed
 from papers.paper1_rul_varying_speed.cases import Case, Known
+from papers.paper1_rul_varying_speed.lives.options import Options
 from papers.paper1_rul_varying_speed.methods.architecture import LifeArchitecture
 from papers.paper1_rul_varying_speed.methods.degradation import Trajectory
 from papers.paper1_rul_varying_speed.methods.metrics import rmse
@@ -41,8 +42,6 @@ class Added:
 
 @dataclass(frozen=True)
 class Job:
-    """One training."""
-
     bearing: str
     variant: str  # of the twin
     model: str
@@ -55,6 +54,18 @@ class Job:
     criterion: str  # by which a checkpoint is chosen
     embedded: bool = False  # whether to embed the judged records by t-SNE
     added: Added | None = None
+
+
+def job_of(
+    case: Case, options: Options, variant: str, model: str, shape: LifeArchitecture, seed: int, size: Any, **more: Any
+) -> Job:  # fmt: skip
+    """A training of a model on a twin of the configuration, as long and with as many records as the profile has."""
+    chosen = options.variants[variant]
+    return Job(
+        case.name, variant, model, replace(shape, length=case.known.real.samples.shape[1]), seed,
+        replace(options.training, steps=size.steps, alike=chosen.alike), chosen.signal, getattr(size, "copies", 1),
+        size.most_records, options.judging.criterion, **more,
+    )  # fmt: skip
 
 
 _held: dict[str, tuple[Snapshots, Snapshots]] = {}

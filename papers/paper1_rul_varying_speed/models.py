@@ -28,7 +28,9 @@ MODELS: Final[Mapping[str, LifeArchitecture]] = MappingProxyType({
 """Columns of table 5, in its order, with the 112 features of the text."""
 
 
-def architecture_of(name: str, *, printed: bool = False) -> LifeArchitecture:
+def architecture_of(
+    name: str, *, printed: bool = False, models: Mapping[str, LifeArchitecture] = MODELS
+) -> LifeArchitecture:
     """The network of one model.
 
     Raises `TwingapError` for an unknown model.
@@ -36,10 +38,10 @@ def architecture_of(name: str, *, printed: bool = False) -> LifeArchitecture:
     Parameters
     ----------
     name : str
-        A key of MODELS.
+        A key of `models`.
     printed : bool
         Table 1 to the letter, 32 features, instead of the text's 112.
     """
-    if name not in MODELS:
-        raise TwingapError(f"no model {name!r}", where="models", mend=f"choose from {', '.join(MODELS)}")
-    return replace(MODELS[name], strides=PRINTED_STRIDES) if printed else MODELS[name]
+    if name not in models:
+        raise TwingapError(f"no model {name!r}", where="models", mend=f"choose from {', '.join(models)}")
+    return replace(models[name], strides=PRINTED_STRIDES) if printed else models[name]

@@ -39,8 +39,6 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Job:
-    """One training."""
-
     task: str
     view: str  # what the network is shown, a key of `twingap.adapt.VIEWS`
     method: Method  # one of "source_only", "dann"
@@ -53,8 +51,6 @@ class Job:
 
 @dataclass(frozen=True)
 class Measured:
-    """The recordings of one task, as windows."""
-
     adapt: Windows  # unlabelled
     evaluate: Windows  # labelled: looked at after training and selection
 
@@ -64,7 +60,6 @@ class Measured:
 
     @property
     def digest(self) -> str:
-        """Hex sha256 of both."""
         return windows_digest((self.adapt, self.evaluate))
 
 
@@ -121,8 +116,6 @@ def spread(n: int, wanted: int) -> NDArray[np.int64]:
 
 @dataclass(frozen=True)
 class Identification:
-    """One identification of the twin."""
-
     task: str
     bearing: Bearing
     classes: tuple[str, ...]

@@ -161,8 +161,6 @@ class Recipe:
 
 @dataclass(frozen=True)
 class VirtualBearing:
-    """One of a population."""
-
     parameters: ContactParameters  # without noise
     path: tuple[Effect, ...]  # of its structure
     fault: str

@@ -18,8 +18,6 @@ from twingap.rigs import make_rig
 
 @dataclass(frozen=True)
 class Target:
-    """The machine that is diagnosed."""
-
     records: RecordSet  # recordings at the loads in question, labelled
     title: str  # what stands beside every number: "CWRU", or "virtual rig, not CWRU"
     real: bool

@@ -18,7 +18,6 @@ CELL = ["data", "source", "method"]
 
 
 def all_tables(work: Work) -> dict[str, pd.DataFrame]:
-    """Every table by name."""
     rows = table(work["results"])
     return {"baselines": rows, "baselines-mean": means(rows), "baselines-tests": tests(rows)}
 

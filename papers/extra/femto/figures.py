@@ -21,7 +21,6 @@ STYLES: Final = {
 
 
 def all_figures(work: Work) -> Iterator[tuple[str, Figure]]:
-    """The figure with its name."""
     yield "femto", errors(work.tables["femto"])
 
 

@@ -60,22 +60,16 @@ class Size:
 
 @dataclass(frozen=True)
 class Options:
-    """The study; explained in config.toml."""
-
     profiles: dict[str, Size]
 
 
 @dataclass(frozen=True)
 class Features:
-    """Which bearing to take features of."""
-
     bearing: str
 
 
 @dataclass(frozen=True)
 class Prediction:
-    """Which run is predicted by which method."""
-
     bearing: str
     method: str
     seed: int
@@ -202,7 +196,6 @@ def at_hand(root: Path | None = None, fewest: int = FEWEST) -> bool:
 
 
 def bearings(work: Work) -> list[Features]:
-    """The runs in question."""
     return at_least(work.size.bearings or load("femto", work.root).groups, FEWEST)
 
 
@@ -219,12 +212,10 @@ def files(work: Work) -> Inputs:
 
 
 def measured(work: Work) -> dict[str, Measured]:
-    """Every run's features and times."""
     return {r.job.bearing: measured_of(r.value) for r in work["features"]}
 
 
 def measured_of(value: dict[str, Any]) -> Measured:
-    """A run of what `take_features` returns."""
     features, time_s, speed_rpm = (np.asarray(value[k], float) for k in ("features", "time_s", "speed_rpm"))
     return Measured(features, time_s, speed_rpm, value["load_n"])
 

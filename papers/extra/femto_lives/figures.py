@@ -16,7 +16,6 @@ MARKS: Final = {AS_PRINTED: ("#D55E00", "o", -0.22), NAMED: ("#0072B2", "s", 0.0
 
 
 def all_figures(work: Work) -> Iterator[tuple[str, Figure]]:
-    """The figure with its name."""
     yield "femto_lives", lives(work.tables["femto_lives_rmse"], work.tables["femto_lives"])
 
 

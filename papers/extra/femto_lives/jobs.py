@@ -26,7 +26,7 @@ from papers.extra.life_gap import jobs as life_gap
 from papers.extra.life_gap.diagnoses import SEEN, Asked, modelled, pair_of, row_of
 from papers.extra.life_gap.jobs import MODELS, added, lives_config, root_of
 from papers.paper1_rul_varying_speed.cases import Case, Reading, adapted, case_of
-from papers.paper1_rul_varying_speed.job import Added, Job, train_and_judge
+from papers.paper1_rul_varying_speed.job import Added, Job, job_of, train_and_judge
 from papers.paper1_rul_varying_speed.lives.options import Options as Lives
 from papers.paper1_rul_varying_speed.lives.options import read_options
 from papers.paper1_rul_varying_speed.methods.run import read_run
@@ -55,30 +55,23 @@ PRINTED, CLOSED = "printed", "closed"
 
 @dataclass(frozen=True)
 class Size(life_gap.Size):
-    """How much is run; explained in config.toml."""
-
     waits_min: tuple[float, ...]
 
 
 @dataclass(frozen=True)
 class Options:
-    """The study; explained in config.toml."""
-
     lives: Path
     profiles: dict[str, Size]
 
 
 @dataclass(frozen=True)
 class Wanted:
-    """One diagnosis."""
-
     bearing: str
     wait_min: float
     seed: int
 
     @property
     def words(self) -> str:
-        """In words."""
         return f"{self.bearing}, {self.wait_min:g} min after the alarm"
 
 
@@ -128,22 +121,15 @@ def diagnosed(wanted: Wanted, *, root: str | None, config: str) -> dict[str, Any
 
 def trainings_of(case: Case, options: Lives, named: Added | None, size: Size) -> Iterator[Job]:
     """Trainings of the printed twin, of the same with the named effects where there are any, and of the closed one."""
-    length = case.known.real.samples.shape[1]
     twins = [(PRINTED, None), *([(PRINTED, named)] if named is not None else []), (CLOSED, None)]
     for seed in range(size.seeds):
         for variant, more in twins:
-            chosen = options.variants[variant]
-            own = dataclasses.replace(options.training, steps=size.steps, alike=chosen.alike)
             for model in MODELS:
-                shape = dataclasses.replace(architecture_of(model), length=length, strides=STRIDES)
-                yield Job(
-                    case.name, variant, model, shape, seed, own, chosen.signal, 1, size.most_records,
-                    options.judging.criterion, added=more,
-                )  # fmt: skip
+                shape = dataclasses.replace(architecture_of(model), strides=STRIDES)
+                yield job_of(case, options, variant, model, shape, seed, size, added=more)
 
 
 def wanted(work: Work) -> list[Wanted]:
-    """Every run at every wait."""
     names = work.size.bearings or load("femto", root_of(work)).groups
     return [Wanted(name, wait, work.seed) for wait in work.size.waits_min for name in names]
 
@@ -176,7 +162,6 @@ def inputs(work: Work) -> Inputs:
 
 
 def trained(work: Work) -> list[tuple[Wanted, Result[Job]]]:
-    """Trainings of each twin."""
     options = read_options(lives_config(work))
     told = {r.job: added(dict(r.value)) for r in work["diagnoses"]}
     found: list[tuple[Wanted, Result[Job]]] = []

@@ -28,7 +28,6 @@ def all_tables(work: Work) -> dict[str, pd.DataFrame]:
 
 
 def twin_of(job: Job) -> str:
-    """Which twin a training saw."""
     if job.added is not None:
         return NAMED
     return AS_PRINTED if job.variant == "printed" else CLOSED

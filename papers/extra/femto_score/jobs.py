@@ -66,8 +66,6 @@ class Size:
 
 @dataclass(frozen=True)
 class Options:
-    """The study; explained in config.toml."""
-
     band: tuple[float, float]
     test: dict[str, tuple[int, int]]
     profiles: dict[str, Size]
@@ -84,8 +82,6 @@ class Growth:
 
 @dataclass(frozen=True)
 class Prediction:
-    """Which run is predicted by which method."""
-
     bearing: str
     method: str
     seed: int
@@ -232,7 +228,6 @@ def predict(
 
 
 def prior_of(run: Run, others: dict[str, Run], grown: dict[tuple[str, str], dict[str, Any]], indicator: str) -> Prior:
-    """Prior of a run from the others."""
     return prior_from([outcome(n, other, grown[n, indicator]) for n, other in others.items()], run.load_n)
 
 
@@ -346,12 +341,10 @@ def _learnt(job: Prediction, run: Run, others: dict[str, Run], cuts: list[int], 
 
 
 def bearings(work: Work) -> list[Features]:
-    """The runs."""
     return at_least(load("femto", work.root).groups, 5)
 
 
 def measured(work: Work) -> dict[str, Run]:
-    """Every run."""
     names = ("step_s", "speed_rpm", "load_n")
     values = {r.job.bearing: r.value for r in work["measure"]}
     return {n: Run(np.asarray(v["indicators"]), *(float(v[k]) for k in names)) for n, v in values.items()}
@@ -368,14 +361,12 @@ def cuts_of(work: Work) -> dict[str, list[int]]:
 
 
 def growths(work: Work) -> Iterator[Growth]:
-    """Every run by every indicator."""
     for name in work["runs"]:
         for indicator in INDICATORS:
             yield Growth(name, indicator, tuple(work["cuts"][name]))
 
 
 def grown(work: Work) -> dict[tuple[str, str], dict[str, Any]]:
-    """Results of `follow` by bearing and indicator."""
     return {(r.job.bearing, r.job.indicator): r.value for r in work["follow"]}
 
 
@@ -388,7 +379,6 @@ def predictions(work: Work) -> Iterator[Prediction]:
 
 
 def of_runs(work: Work) -> Inputs:
-    """All runs."""
     return {"runs": (work["runs"], digest_of_value([r.key for r in work["measure"]]))}
 
 

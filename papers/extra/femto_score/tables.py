@@ -165,7 +165,6 @@ def lives(work: Work) -> pd.DataFrame:
 
 
 def all_tables(work: Work) -> dict[str, pd.DataFrame]:
-    """Every table by name."""
     every = by_bearing(work)
     return {
         "femto_score": means(every), "femto_score_bearings": every, "femto_score_bounds": bounds(work),

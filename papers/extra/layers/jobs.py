@@ -42,8 +42,6 @@ BATCH: Final = 128
 
 @dataclass(frozen=True)
 class Size:
-    """How much is run; explained in config.toml."""
-
     tasks: tuple[str, ...]
     seeds: int
     steps: int
@@ -55,8 +53,6 @@ class Size:
 
 @dataclass(frozen=True)
 class Options:
-    """The study; explained in config.toml."""
-
     methods: tuple[str, ...]
     profiles: dict[str, Size]
 

@@ -40,8 +40,6 @@ VARIANT: Final = "printed"
 
 @dataclass(frozen=True)
 class Asked:
-    """One diagnosis."""
-
     data: str  # one of "rig", "femto"
     stage: str
     speed: str  # key of `SPEEDS`, a FEMTO condition ("1" to "3"), or "all"
@@ -50,12 +48,10 @@ class Asked:
 
     @property
     def words(self) -> str:
-        """In words."""
         return f"{self.data}, {', '.join(self.bearings)}, {self.stage}, {self.speed}"
 
     @property
     def rng(self) -> np.random.Generator:
-        """Of its own."""
         return np.random.default_rng([self.seed, zlib.crc32(self.words.encode())])
 
 
@@ -123,7 +119,6 @@ def pair_of(asked: Asked, cases: Sequence[Case], model: SignalModel) -> tuple[Re
 def as_records(
     samples: Any, speed_rpm: Any, fs_hz: float, fault: str, names: Sequence[str], groups: Sequence[str]
 ) -> Iterator[Record]:
-    """Rows of samples [records, length] as records."""
     for row, speed, name, group in zip(samples, speed_rpm, names, groups, strict=True):
         yield Record(Condition(name, float(speed), fs_hz, row.size, fault, group=group), np.asarray(row, float))
 

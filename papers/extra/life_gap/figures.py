@@ -14,7 +14,6 @@ BEFORE, AFTER = "#D55E00", "#0072B2"
 
 
 def all_figures(work: Work) -> Iterator[tuple[str, Figure]]:
-    """The figure with its name."""
     yield "life_gap", gaps(work.tables["life_gap"])
 
 

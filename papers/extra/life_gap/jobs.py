@@ -12,7 +12,6 @@ each stage, and nothing is trained on it.
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,7 +19,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from papers.extra.life_gap.diagnoses import AFTER_ALARM, BEFORE_ALARM, SEEN, SPEEDS, STAGES, VARIANT, Asked, target_of
 from papers.paper1_rul_varying_speed.cases import Case, read_case
-from papers.paper1_rul_varying_speed.job import Added, Job, train_and_judge
+from papers.paper1_rul_varying_speed.job import Added, Job, job_of, train_and_judge
 from papers.paper1_rul_varying_speed.lives.options import Options as Lives
 from papers.paper1_rul_varying_speed.lives.options import read_options
 from papers.paper1_rul_varying_speed.models import architecture_of
@@ -38,8 +37,6 @@ MODELS: Final = ("CNN", "Proposed model 3")
 
 @dataclass(frozen=True)
 class Size:
-    """How much is run; explained in config.toml."""
-
     bearings: tuple[str, ...]
     seeds: int
     steps: int
@@ -48,19 +45,15 @@ class Size:
 
 @dataclass(frozen=True)
 class Options:
-    """The study; explained in config.toml."""
-
     lives: Path
     profiles: dict[str, Size]
 
 
 def lives_config(work: Work) -> Path:
-    """Configuration of the twin and its trainings."""
     return Path(work.config.parent / work.options.lives)
 
 
 def lives(work: Work) -> Lives:
-    """The twin and its trainings."""
     return read_options(lives_config(work))
 
 
@@ -70,7 +63,6 @@ def root_of(work: Work) -> str | None:
 
 
 def cases(work: Work) -> dict[str, Case]:
-    """Every run of the rig as training sees it."""
     options = work["options"]
     target = target_of(options, root_of(work), work.size.bearings)
     work.title = target.title
@@ -87,7 +79,6 @@ def femto(work: Work) -> tuple[tuple[str, ...], dict[str, str]]:
 
 
 def asked(work: Work) -> Iterator[Asked]:
-    """Every diagnosis of the profile."""
     return questions(work.size.bearings, work["femto"][0], work.seed)
 
 
@@ -129,16 +120,11 @@ def added(row: dict[str, Any]) -> Added | None:
 
 def trainings_of(case: Case, options: Lives, more: Added | None, size: Size) -> Iterator[Job]:
     """Trainings without and with the named effects."""
-    chosen = options.variants[VARIANT]
-    own = dataclasses.replace(options.training, steps=size.steps, alike=chosen.alike)
     for seed in range(size.seeds):
         for what in (None, more) if more is not None else (None,):
             for model in MODELS:
                 shape = architecture_of(model, printed=options.judging.printed)
-                yield Job(
-                    case.name, VARIANT, model, dataclasses.replace(shape, length=options.target.window_samples), seed,
-                    own, chosen.signal, 1, size.most_records, options.judging.criterion, added=what,
-                )  # fmt: skip
+                yield job_of(case, options, VARIANT, model, shape, seed, size, added=what)
 
 
 def questions(bearings: Sequence[str], femto_runs: Sequence[str], seed: int) -> Iterator[Asked]:

@@ -15,14 +15,12 @@ from twingap.adapt.evaluate import t_interval
 
 
 def all_tables(work: Work) -> dict[str, pd.DataFrame]:
-    """Every table by name."""
     every = errors(work.title, [(r.job, dict(r.value)) for r in work["trained"]])
     told = verdicts(work.title, [(r.job, dict(r.value)) for r in work["diagnoses"]])
     return {"life_gap": told, "life_gap_rmse": every, "life_gap_summary": summary(every)}
 
 
 def verdicts(title: str, answers: Sequence[tuple[Asked, dict[str, Any]]]) -> pd.DataFrame:
-    """A row per diagnosis."""
     rows = []
     for asked, row in answers:
         line: dict[str, Any] = {

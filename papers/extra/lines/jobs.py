@@ -41,16 +41,12 @@ ONLY: Final = "one"
 
 @dataclass(frozen=True)
 class Size:
-    """How much is run; explained in config.toml."""
-
     rig_duration_s: float
     smoke: bool
 
 
 @dataclass(frozen=True)
 class Options:
-    """The study; every entry is explained in config.toml."""
-
     data: tuple[str, ...]
     bands: tuple[tuple[float, float], ...]
     harmonics: int

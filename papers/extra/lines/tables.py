@@ -66,5 +66,4 @@ def told(rows: pd.DataFrame) -> pd.DataFrame:
 
 
 def all_tables(work: Work) -> dict[str, pd.DataFrame]:
-    """Every table by name."""
     return {"lines-told": told(work["rows"]), "lines-recordings": work["rows"]}

@@ -70,8 +70,6 @@ class Scenario:
 
 @dataclass(frozen=True)
 class Size:
-    """How much is run; explained in config.toml."""
-
     scenarios: tuple[str, ...]
     rig_duration_s: float
     seeds: int
@@ -82,8 +80,6 @@ class Size:
 
 @dataclass(frozen=True)
 class Options:
-    """The study; every entry is explained in config.toml."""
-
     criterion: str
     fleets_windows: int
     scenarios: dict[str, Scenario]
@@ -262,7 +258,6 @@ def indicators(x: Array, fs_hz: float) -> Array:
 
 
 def results(work: Work) -> list[Result[Trial]]:
-    """Every trial of every scenario."""
     found: list[Result[Trial]] = []
     for own in work["splits"]:
         train, judge, digest = work["rows"][own.name]

@@ -49,7 +49,6 @@ def _asked(cell: Cell, same_bearings: bool) -> bool:
 
 
 def networks(work: Work) -> list[tuple[str, Result[Trial]]]:
-    """Every trial with the title of its data."""
     options, common, size = work.options, read_common(), work.size
     found: list[tuple[str, Result[Trial]]] = []
     for task, target in work["tasks"]:

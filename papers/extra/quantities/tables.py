@@ -15,7 +15,6 @@ from twingap.sweep import Result
 
 
 def all_tables(work: Work) -> dict[str, pd.DataFrame]:
-    """Every table by name."""
     rows = table(work["networks"])
     return {"quantities": rows, "quantities-mean": means(rows)}
 

@@ -24,8 +24,6 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Size:
-    """How much is run; explained in config.toml."""
-
     benches: tuple[int, ...]
     bearings: tuple[str, ...]
     interval_s: float
@@ -34,15 +32,11 @@ class Size:
 
 @dataclass(frozen=True)
 class Options:
-    """The study; explained in config.toml."""
-
     profiles: dict[str, Size]
 
 
 @dataclass(frozen=True)
 class Bench:
-    """A run of the rig."""
-
     seed: int
     bearing: str
     interval_s: float

@@ -52,8 +52,6 @@ class Size:
 
 @dataclass(frozen=True)
 class Options:
-    """The study; every entry is explained in config.toml."""
-
     data: tuple[str, ...]
     level_db: tuple[float, float]
     structure: tuple[float, float]
@@ -147,7 +145,6 @@ def load_sets(work: Work) -> dict[str, RecordSet]:
 
 
 def measured(work: Work) -> dict[str, Measured]:
-    """Each set cut into pieces, as `availability` cuts it."""
     image = read_options().image
     return {name: measure(found, name, image) for name, found in work["records"].items()}
 
@@ -163,7 +160,6 @@ def populations(work: Work) -> list[Population]:
 
 
 def networks(work: Work) -> Iterator[NetworkJob]:
-    """A training for each seed, set, twin and fold."""
     common, size = read_options(), work.size
     training = dataclasses.replace(common.training, steps=size.steps)
     for seed in range(work.seed, work.seed + size.seeds):

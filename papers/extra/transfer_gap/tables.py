@@ -17,7 +17,6 @@ from twingap.sweep import Result
 
 
 def all_tables(work: Work) -> dict[str, pd.DataFrame]:
-    """Every table by name."""
     rows = seeds(work["networks"], work["data"])
     return {"transfer-gap": means(rows), "transfer-gap-seeds": rows}
 

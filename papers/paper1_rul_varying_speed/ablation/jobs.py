@@ -25,13 +25,13 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from papers.paper1_rul_varying_speed.cases import Case, Target, load_target, read_case
-from papers.paper1_rul_varying_speed.job import Job, train_and_judge
+from papers.paper1_rul_varying_speed.job import Job, job_of, train_and_judge
 from papers.paper1_rul_varying_speed.lives.options import Options as Lives
 from papers.paper1_rul_varying_speed.lives.options import read_options
 from papers.paper1_rul_varying_speed.methods.adaptive_twin import Adaptation, NoLifeError, lives_that_may_follow
-from papers.paper1_rul_varying_speed.methods.architecture import PRINTED_STRIDES, LifeArchitecture
+from papers.paper1_rul_varying_speed.methods.architecture import LifeArchitecture
 from papers.paper1_rul_varying_speed.methods.metrics import rmse
-from papers.paper1_rul_varying_speed.models import MODELS
+from papers.paper1_rul_varying_speed.models import MODELS, architecture_of
 from twingap.errors import TwingapError
 
 if TYPE_CHECKING:
@@ -53,8 +53,6 @@ RATES: Final = tuple(float(v) for v in np.geomspace(0.4, 2.5, 121))
 
 @dataclass(frozen=True)
 class Size:
-    """How much is run; explained in config.toml."""
-
     bearings: tuple[str, ...]
     seeds: int
     steps: int
@@ -67,8 +65,6 @@ class Size:
 
 @dataclass(frozen=True)
 class Options:
-    """The study; explained in config.toml."""
-
     lives: Path
     profiles: dict[str, Size]
 
@@ -82,7 +78,6 @@ def lives(work: Work) -> Lives:
 
 
 def target(work: Work) -> Target:
-    """Runs to predict."""
     found = load_target(work["options"].target, work.root, work.size.bearings)
     work.title = found.title
     return found
@@ -138,17 +133,10 @@ def with_true_lives(case: Case, options: Adaptation) -> Case:
 
 def trainings_of(case: Case, options: Lives, size: Size, seed: int) -> Iterator[Job]:
     """Models innermost: those of a seed share their simulated records."""
-    chosen = options.variants[VARIANT]
-    own = dataclasses.replace(options.training, steps=size.steps, alike=chosen.alike)
     for k in range(size.seeds):
         for model in size.models:
-            shape = ADVERSARIAL[model]
-            if options.judging.printed:
-                shape = dataclasses.replace(shape, strides=PRINTED_STRIDES)
-            yield Job(
-                case.name, VARIANT, model, dataclasses.replace(shape, length=options.target.window_samples), seed + k,
-                own, chosen.signal, size.copies, size.most_records, options.judging.criterion,
-            )  # fmt: skip
+            shape = architecture_of(model, printed=options.judging.printed, models=ADVERSARIAL)
+            yield job_of(case, options, VARIANT, model, shape, seed + k, size)
 
 
 def _words(lives: str, job: Job) -> str:

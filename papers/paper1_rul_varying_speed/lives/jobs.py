@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 
 from papers.logs import log_checkpoints, log_method
 from papers.paper1_rul_varying_speed.cases import Case, Target, load_target, read_case
-from papers.paper1_rul_varying_speed.job import Job, train_and_judge
+from papers.paper1_rul_varying_speed.job import Job, job_of, train_and_judge
 from papers.paper1_rul_varying_speed.lives import tables
 from papers.paper1_rul_varying_speed.lives.options import Options, Profile
 from papers.paper1_rul_varying_speed.lives.results import CaseResult
@@ -29,8 +29,6 @@ if TYPE_CHECKING:
 
 
 def target(work: Work) -> Target:
-    """Runs to predict."""
-
     def made(what: str, fraction: float) -> None:
         work.progress(f"virtual rig, {what}: {100 * fraction:.0f} %", 0, 1)
 
@@ -62,16 +60,10 @@ def results(work: Work) -> list[CaseResult]:
 def _jobs(case: Case, options: Options, sizes: Profile, seed: int) -> Iterator[Job]:
     """Models innermost: those of a twin and seed share their simulated records."""
     for variant in sizes.variants:
-        chosen = options.variants[variant]
-        own = dataclasses.replace(options.training, steps=sizes.steps, alike=chosen.alike)
         for i in range(sizes.seeds):
             for model in sizes.models:
                 shape = architecture_of(model, printed=options.judging.printed)
-                yield Job(
-                    case.name, variant, model, dataclasses.replace(shape, length=options.target.window_samples),
-                    seed + i, own, chosen.signal, sizes.copies, sizes.most_records, options.judging.criterion,
-                    embedded=i == 0,
-                )  # fmt: skip
+                yield job_of(case, options, variant, model, shape, seed + i, sizes, embedded=i == 0)
 
 
 def _log_case(log: Run, results: list[CaseResult], title: str) -> None:

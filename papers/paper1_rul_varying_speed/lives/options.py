@@ -50,8 +50,6 @@ class JudgingOptions:
 
 @dataclass(frozen=True)
 class Profile:
-    """How much is run; explained in config.toml."""
-
     bearings: tuple[str, ...]
     variants: tuple[str, ...]
     models: tuple[str, ...]
@@ -63,8 +61,6 @@ class Profile:
 
 @dataclass(frozen=True)
 class Options:
-    """The whole configuration; explained in config.toml."""
-
     target: TargetOptions
     adaptation: Adaptation
     variants: dict[str, Variant]

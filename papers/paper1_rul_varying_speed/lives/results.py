@@ -13,19 +13,15 @@ from twingap.sweep import Result
 
 @dataclass(frozen=True)
 class CaseResult:
-    """All that came out of one run with one twin."""
-
     case: Case
     variant: str  # of the twin
     trainings: list[Result[Job]]  # in the order seed, model
 
     def of(self, model: str) -> list[Result[Job]]:
-        """The trainings of one model, seeds in order."""
         return [t for t in self.trainings if t.job.model == model]
 
     @property
     def models(self) -> list[str]:
-        """In their order."""
         return list(dict.fromkeys(t.job.model for t in self.trainings))
 
     def predicted_min(self, training: Result[Job]) -> Array:

@@ -37,7 +37,6 @@ TARGET_RATIO: Final = 0.6
 
 
 def all_tables(work: Work) -> dict[str, pd.DataFrame]:
-    """Every table by name."""
     results, options, title = work["results"], work.options, work.title
     rows = errors(results, options, title)
     return {

@@ -64,7 +64,6 @@ class AdaptiveTwin:
 
     @property
     def onset_row(self) -> int:
-        """K_anomaly."""
         assert self.anomaly.onset_row is not None
         return self.anomaly.onset_row
 

@@ -49,11 +49,9 @@ class Snapshots:
         return int(self.samples.shape[0])
 
     def unlabelled(self) -> Snapshots:
-        """The same without labels."""
         return replace(self, revolutions=None)
 
     def take(self, places: NDArray[np.int64] | NDArray[np.bool_]) -> Snapshots:
-        """Some of the records."""
         left = None if self.revolutions is None else self.revolutions[places]
         return Snapshots(
             self.samples[places], self.speed_rpm[places], self.position[places], self.life[places], left
@@ -98,8 +96,6 @@ class _NoiseGain(Effect):
 
 @dataclass(frozen=True)
 class _MoreModes(Effect):
-    """Modes beside the first."""
-
     stage: ClassVar[Stage] = Stage.PATH
     modes: tuple[Mode, ...] = ()
 

@@ -34,8 +34,6 @@ State = dict[str, Tensor]
 
 @dataclass(frozen=True)
 class LifeTraining:
-    """How to train."""
-
     steps: int = 1200  # gradient steps
     batch: int = 16  # simulated records per step, and as many real ones
     # learning_rate, weight_decay: of AdamW; the rate falls to 0 along a half cosine, so that the last states do not
@@ -75,8 +73,6 @@ class LifeCheckpoint:
 
 @dataclass(frozen=True)
 class TrainedLife:
-    """A finished training."""
-
     architecture: LifeArchitecture
     scales: LifeScales
     checkpoints: tuple[LifeCheckpoint, ...]

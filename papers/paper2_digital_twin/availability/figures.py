@@ -24,7 +24,6 @@ FAULTS: Final = {"healthy": "#666666", "inner": "#D55E00", "outer": "#0072B2", "
 
 
 def all_figures(work: Work) -> Iterator[tuple[str, Figure]]:
-    """Every figure with its name."""
     accuracy, crossed = (work.tables[f"availability-{name}"] for name in ("accuracy", "crossings"))
     yield "availability-crossings", crossings(accuracy, crossed)
     yield "availability-severity", severity(work)

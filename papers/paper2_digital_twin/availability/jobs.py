@@ -58,8 +58,6 @@ TINY: Final = 1e-6
 
 @dataclass(frozen=True)
 class Size:
-    """How much is run; explained in config.toml."""
-
     seeds: int
     machines: int
     ablation_seeds: int
@@ -71,8 +69,6 @@ class Size:
 
 @dataclass(frozen=True)
 class Options:
-    """The study; every entry is explained in config.toml."""
-
     data: tuple[str, ...]
     counts: tuple[int, ...]
     folds: int
@@ -322,7 +318,6 @@ def load_sets(work: Work) -> dict[str, RecordSet]:
 
 
 def measured(work: Work) -> dict[str, Measured]:
-    """Each set cut into pieces."""
     return {name: measure(found, name, work.options.image) for name, found in work["records"].items()}
 
 
@@ -333,7 +328,6 @@ def healthy(work: Work) -> dict[str, dict[str, Background]]:
 
 
 def folds(work: Work) -> range:
-    """Folds that are run."""
     return range(1 if work.size.smoke else work.options.folds)
 
 
@@ -345,7 +339,6 @@ def kinds(work: Work) -> dict[Kind, int]:
 
 
 def plants(work: Work) -> dict[str, Plant]:
-    """Populations by set, source and fold."""
     return {
         f"{name} {kind} {fold}":
             _plant(work.options, own, kind, fold, work.size.machines, tuple(work["healthy"][name]), work.seed)
@@ -356,7 +349,6 @@ def plants(work: Work) -> dict[str, Plant]:
 
 
 def shallows(work: Work) -> Iterator[ShallowJob]:
-    """Shallow methods by set, seed and fold."""
     options = work.options
     for name in work["data"]:
         for seed in range(work.seed, work.seed + work.size.seeds):

@@ -62,7 +62,6 @@ class Measured:
 
     @property
     def recordings(self) -> tuple[str, ...]:
-        """In the order of the data set."""
         return tuple(self.labels)
 
     def pieces(self, recordings: Sequence[str]) -> NDArray[np.int64]:
@@ -70,11 +69,9 @@ class Measured:
         return np.flatnonzero(np.isin(self.recording, list(recordings)))
 
     def piece_labels(self) -> NDArray[np.int64]:
-        """Class of each piece."""
         return np.array([self.labels[r] for r in self.recording], dtype=np.int64)
 
     def healthy(self) -> tuple[str, ...]:
-        """Healthy recordings."""
         return tuple(r for r, label in self.labels.items() if self.classes[label] == "healthy")
 
     def baseline(self, recordings: Sequence[str]) -> Array:

@@ -83,8 +83,6 @@ class Plant:
 
 @dataclass(frozen=True)
 class Background:
-    """A healthy recording."""
-
     samples: Array  # [samples]
     speed_rpm: float
 

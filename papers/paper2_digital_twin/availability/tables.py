@@ -25,7 +25,6 @@ AHEAD: Final = (("SVM", "twin network"), ("SOM-MQE", "twin network"), ("SOM-MQE"
 
 
 def all_tables(work: Work) -> dict[str, pd.DataFrame]:
-    """Every table by name."""
     called = calls(work)
     found = accuracy(called)
     crossed = crossings(work, called)

@@ -84,7 +84,6 @@ def judge_all(runs: Sequence[StudyRun], indicators: Sequence[str] = INDICATORS) 
 
 
 def end_level(values: Array) -> float:
-    """Mean of the last records."""
     return float(np.mean(values[-END_ROWS:]))
 
 

@@ -30,7 +30,6 @@ LEAST, MOST = 1e-3, 1e3
 
 
 def all_figures(work: Work) -> Iterator[tuple[str, Figure]]:
-    """Every figure with its name."""
     own = shown(work)
     there = [j for j in work["judged"] if j.run.extremes is not None]
     if there:
@@ -187,7 +186,6 @@ def errors(work: Work) -> Figure:
 
 
 def _per_run(work: Work) -> tuple[Figure, list[Any]]:
-    """A panel a run."""
     columns = min(len(work["judged"]), 4)
     rows = -(-len(work["judged"]) // columns)
     figure = Figure(figsize=(4.3 * columns, 3.4 * rows + 1.0), layout="constrained")

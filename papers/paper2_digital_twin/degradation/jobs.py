@@ -41,8 +41,6 @@ Series = Mapping[str, tuple[Array, Array]]
 
 @dataclass(frozen=True)
 class Size:
-    """How much is run; explained in config.toml."""
-
     ims: int
     femto: int
     curves: int
@@ -51,8 +49,6 @@ class Size:
 
 @dataclass(frozen=True)
 class Options(Reading):
-    """The study; every entry is explained in config.toml."""
-
     runs_ims: tuple[str, ...]
     runs_femto: tuple[str, ...]
     paper_run: str
@@ -229,12 +225,10 @@ def runs(work: Work) -> list[StudyRun]:
 
 
 def judged(work: Work) -> list[Judged]:
-    """Every run with its candidates."""
     return judge_all(work["runs"], work.options.indicators)
 
 
 def analyses(work: Work) -> Iterator[Analysis]:
-    """Every indicator of every run."""
     found = work["judged"]
     for j in found:
         for name in j.series:

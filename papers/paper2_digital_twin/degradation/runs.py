@@ -50,8 +50,6 @@ SHOWN_COLUMNS: Final = 300
 
 @dataclass(frozen=True)
 class StudyRun:
-    """A run of the study."""
-
     run: Run  # time is running time, s; silent records (machine stopped, sensor off) are left out
     whole: Run  # with them
     source: str  # "raw records", "feature table" or "simulated"
@@ -65,7 +63,6 @@ class StudyRun:
 
     @property
     def name(self) -> str:
-        """Of the run."""
         return self.run.name
 
 

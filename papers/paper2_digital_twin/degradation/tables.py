@@ -32,7 +32,6 @@ def shown(work: Work) -> Judged:
 
 
 def all_tables(work: Work) -> dict[str, pd.DataFrame]:
-    """Every table by name."""
     judged = work["judged"]
     errors = error_rows(work)
     summary = error_summary(errors)

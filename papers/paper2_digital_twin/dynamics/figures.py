@@ -19,7 +19,6 @@ SHOWN_S: Final = 0.1
 
 
 def all_figures(work: Work) -> Iterator[tuple[str, Figure]]:
-    """Every figure with its name."""
     for setting in work.options.settings:
         yield f"dynamics-normal-{setting}", normal(work, setting)
         yield f"dynamics-reference-{setting}", against_reference(work, setting)

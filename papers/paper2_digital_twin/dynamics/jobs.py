@@ -40,8 +40,6 @@ HIGHEST_ORDER: Final = 12.0
 
 @dataclass(frozen=True)
 class Size:
-    """Operating points; explained in config.toml."""
-
     speeds_rpm: tuple[float, ...]
     loads_n: tuple[float, ...]
     clearances_um: tuple[float, ...]
@@ -49,8 +47,6 @@ class Size:
 
 @dataclass(frozen=True)
 class Options:
-    """The study; every entry is explained in config.toml."""
-
     settings: tuple[Literal["physical", "paper"], ...]
     bearing: str
     faults: tuple[str, ...]

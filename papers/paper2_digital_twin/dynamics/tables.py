@@ -17,7 +17,6 @@ DATA = "simulated by the contact twin"
 
 
 def all_tables(work: Work) -> dict[str, pd.DataFrame]:
-    """Every table by name."""
     return {"dynamics-balance": balance(work["healthy"]), "dynamics-faults": faults(work["faulty"])}
 
 

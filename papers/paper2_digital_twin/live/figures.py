@@ -26,7 +26,6 @@ TRUTH: Final = "#009E73"
 
 
 def all_figures(work: Work) -> Iterator[tuple[str, Figure]]:
-    """Every figure with its name."""
     yield "live-drift", day(work["drifting"][0])
 
 

@@ -51,8 +51,6 @@ class Line:
 
 @dataclass(frozen=True)
 class Size:
-    """How much is run; explained in config.toml."""
-
     seeds: int
     steady: int
     steady_hours: float
@@ -60,8 +58,6 @@ class Size:
 
 @dataclass(frozen=True)
 class Options:
-    """The study; every entry is explained in config.toml."""
-
     bearing: str
     preset: Literal["physical", "paper"]
     hours: float
@@ -123,7 +119,6 @@ def _scenario(options: Options, seed: int, drift: float, hours: float, arms: tup
 
 
 def machine_of(job: Scenario) -> Drifting:
-    """The machine of a scenario."""
     return Drifting(job.hours, job.drift, job.state_period_s, job.snapshot_period_s, job.snapshot_s, job.fs_hz)
 
 

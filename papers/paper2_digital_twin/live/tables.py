@@ -31,7 +31,6 @@ ALARM = re.compile(rf"({'|'.join(WATCHED)}) drifts ")
 
 
 def all_tables(work: Work) -> dict[str, pd.DataFrame]:
-    """Every table by name."""
     options, drifting = work.options, work["drifting"]
     return {
         "live-errors": errors(drifting),
@@ -43,7 +42,6 @@ def all_tables(work: Work) -> dict[str, pd.DataFrame]:
 
 
 def metrics(work: Work) -> dict[str, float]:
-    """Mean error of each arm."""
     found = work.tables["live-errors"]
     return {f"error, {row['arm']}": row["error mean"] for row in found[found["phase"] == WHOLE].to_dict("records")}
 

@@ -118,7 +118,6 @@ class DriftDetector:
         self.reset()
 
     def reset(self) -> None:
-        """Begin anew."""
         self.sums = np.zeros((2, len(self.charts)))
         self._since = np.zeros((2, len(self.charts)), int)
 

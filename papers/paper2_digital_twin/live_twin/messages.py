@@ -18,8 +18,6 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class StateMessage:
-    """Simple state signals of one moment."""
-
     time_s: float  # when it was measured, by the sender's clock; not when it arrived
     temperature_c: float  # of the bearing's outer ring
     speed_rpm: float  # 0 while the machine stands still
@@ -37,8 +35,6 @@ class StateMessage:
 
 @dataclass(frozen=True)
 class Snapshot:
-    """A stretch of vibration."""
-
     time_s: float  # when it begins
     samples: Array = field(repr=False)  # [samples]
     fs_hz: float = 0.0

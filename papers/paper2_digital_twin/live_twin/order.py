@@ -40,8 +40,6 @@ now; held are so few that snapshots among them cost little memory."""
 
 @dataclass(frozen=True)
 class OrderOptions:
-    """How patient the buffer is."""
-
     lateness_s: float = 120.0  # how late a message may be against the latest one and still be put in its place
     capacity: int = 256  # most messages held
     # A message further ahead of all others than this is left out, until a second one agrees with it: no further from it
@@ -89,7 +87,6 @@ class Reorder:
 
     @property
     def held(self) -> int:
-        """Messages waiting."""
         return len(self._heap)
 
     def push(self, message: Message) -> list[Message]:

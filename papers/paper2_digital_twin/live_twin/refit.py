@@ -29,8 +29,6 @@ FURTHEST: Final = np.array([0.25, 0.7, 0.7, 1.5])
 
 @dataclass(frozen=True)
 class Fit:
-    """Where a fit ended."""
-
     theta: Array  # [4] logarithms of `spectrum.FREE`
     before: float  # before, after: relative error of the amplitude spectra, at the beginning and at the end
     after: float

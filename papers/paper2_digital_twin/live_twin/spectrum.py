@@ -50,8 +50,6 @@ QUIET: Final = 0.05
 
 @dataclass(frozen=True)
 class MachineState:
-    """Simple signals at one moment."""
-
     time_s: float
     temperature_c: float
     speed_rpm: float
@@ -61,8 +59,6 @@ class MachineState:
 
 @dataclass(frozen=True)
 class Band:
-    """The bins that are compared."""
-
     fs_hz: float
     segment: int  # samples per segment of the spectra
     lowest_hz: float  # below lie shaft harmonics and the mounting's modes, which the twin does not have
@@ -74,12 +70,10 @@ class Band:
 
     @cached_property
     def f_hz(self) -> Array:
-        """Frequencies of all bins, Hz."""
         return np.asarray(np.fft.rfftfreq(self.segment, 1 / self.fs_hz))
 
     @cached_property
     def inside(self) -> NDArray[np.bool_]:
-        """Which of them are compared."""
         return (self.f_hz >= self.lowest_hz) & (self.f_hz <= 0.42 * self.fs_hz)
 
     @cached_property

@@ -47,8 +47,6 @@ FILM_SHARES: Final = (0.8, 0.6, 0.4, 0.2, 0.0, 1.0)
 
 @dataclass(frozen=True)
 class LiveOptions:
-    """How the twin lives."""
-
     follow_temperature: bool = True  # whether clearance and damping follow it
     # Whether the rest is identified anew on drift. With neither the twin is frozen after commissioning.
     reidentify: bool = True

@@ -40,8 +40,6 @@ class Thresholds:
 
 @dataclass(frozen=True)
 class Choice:
-    """What to use."""
-
     approach: Approach  # "twin network", "corrected network", "SVM", "SOM-MQE": for naming the fault
     alarm: bool  # whether the healthy map can alarm at the wanted rate; it needs no fault record
     why: str  # one or two sentences

@@ -22,8 +22,6 @@ FOLDS: Final = 3
 
 @dataclass(frozen=True)
 class FewLabels:
-    """A fitted classifier."""
-
     pipeline: Any
     settings: dict[str, Any]  # chosen, or the default
     # balanced accuracy over folds without a shared recording; None where there were too few to cut any

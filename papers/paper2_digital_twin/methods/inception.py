@@ -95,8 +95,6 @@ class InceptionNet(nn.Module):
 
 @dataclass(frozen=True)
 class InceptionTraining:
-    """How to train."""
-
     steps: int = 400
     batch: int = 64
     learning_rate: float = 2e-3  # learning_rate, weight_decay: of AdamW

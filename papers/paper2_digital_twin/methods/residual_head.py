@@ -30,8 +30,6 @@ STEPS: Final = 500
 
 @dataclass(frozen=True)
 class HeadOptions:
-    """The process."""
-
     # distance at which two records are no longer correlated, in standard deviations of a feature, root mean square over
     # features
     length: float = 0.5
@@ -47,8 +45,6 @@ class HeadOptions:
 
 @dataclass(frozen=True)
 class ResidualHead:
-    """A fitted head."""
-
     options: HeadOptions
     mean: Array  # mean, scale: [features] taken from the features and divided by
     scale: Array

@@ -41,8 +41,6 @@ _FLOOR_ORDERS = 1.0
 
 @dataclass(frozen=True)
 class ImageOptions:
-    """What an image shows."""
-
     turns: int = 8  # of the shaft in a piece; 1 / turns is the distance of its orders
     highest_order: float = 12.0  # last column
     carriers: int = 16  # rows, their frequencies in geometric progression
@@ -55,7 +53,6 @@ class ImageOptions:
 
     @property
     def orders(self) -> Array:
-        """Orders of the columns."""
         return np.arange(1, round(self.turns * self.highest_order) + 1) / self.turns
 
     def carriers_hz(self, fs_hz: float) -> Array:
@@ -63,7 +60,6 @@ class ImageOptions:
         return np.asarray(fs_hz * np.geomspace(self.lowest, self.highest, self.carriers))
 
     def piece_samples(self, fs_hz: float, speed_rpm: float) -> int:
-        """Samples of a piece."""
         return round(self.turns * 60 * fs_hz / speed_rpm)
 
 

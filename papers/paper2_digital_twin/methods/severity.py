@@ -25,8 +25,6 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class MapOptions:
-    """How a map is made."""
-
     side: int = 6  # units along each side of the square grid, at least 2
     epochs: int = 20  # passes over the windows
     learning_rate: float = 0.5  # at the start; it decays with the passes
@@ -135,8 +133,6 @@ def conformal_threshold(scores: Array, false_alarm: float) -> float:
 
 @dataclass(frozen=True)
 class HealthyMap:
-    """A map of healthy vibration with its alarm."""
-
     map: FeatureMap  # of all healthy windows
     threshold: float  # MQE above which a window alarms
     false_alarm: float  # rate for which it was set, a window
@@ -144,11 +140,9 @@ class HealthyMap:
     held_out: Array
 
     def mqe(self, features: Array) -> Array:
-        """Severity of each window; see `FeatureMap.mqe`."""
         return self.map.mqe(features)
 
     def alarms(self, features: Array) -> NDArray[np.bool_]:
-        """Whether each window alarms."""
         return np.asarray(self.mqe(features) > self.threshold)
 
     def recording_alarms(self, features: Array) -> bool:

@@ -38,7 +38,6 @@ FAMILY: Final = {"A": "tasks A", "B": "tasks B"}
 
 
 def all_figures(work: Work) -> Iterator[tuple[str, Figure]]:
-    """Every figure with its name."""
     options = work.options
     outcomes = sorted(work["outcomes"], key=lambda outcome: outcome.task.name)
     runs = trials(outcomes)

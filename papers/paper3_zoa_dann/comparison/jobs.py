@@ -55,8 +55,6 @@ class Published:
 
 @dataclass(frozen=True)
 class Size:
-    """How much is run; explained in config.toml."""
-
     tasks: tuple[str, ...]
     available: tuple[str, ...]
     seeds: int
@@ -72,8 +70,6 @@ class Size:
 
 @dataclass(frozen=True)
 class Options:
-    """The comparison; every entry is explained in config.toml."""
-
     references: tuple[str, ...]
     rivals: tuple[str, ...]
     low_noise_db: float
@@ -115,8 +111,6 @@ def read_options(path: Path = CONFIG) -> Options:
 
 @dataclass(frozen=True)
 class TaskOutcome:
-    """All that came out of one task."""
-
     task: TaskFile
     data: str  # what stands beside every number
     materials: Mapping[Key, Material]
@@ -173,8 +167,6 @@ def trials(
 
 @dataclass(frozen=True)
 class Prepared:
-    """A cell, ready for trials."""
-
     cell: Cell
     material: Material
     identified: Mapping[str, float]

@@ -29,7 +29,6 @@ CLEAN: Final = noise_words(None)
 
 
 def all_tables(work: Work) -> dict[str, pd.DataFrame]:
-    """Every table by name."""
     return tables_of(work.options, read_common(), work["outcomes"])
 
 
@@ -40,7 +39,6 @@ def metrics(work: Work) -> dict[str, float]:
 
 
 def tables_of(options: Options, common: Common, outcomes: Sequence[TaskOutcome]) -> dict[str, pd.DataFrame]:
-    """Every table by name, of these tasks."""
     outcomes = sorted(outcomes, key=lambda outcome: outcome.task.name)
     runs, levels = trials(outcomes), common.judging.levels
     means = family_means(runs, options, levels)

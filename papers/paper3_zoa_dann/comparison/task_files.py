@@ -121,7 +121,6 @@ class Material(Measured):
 
     @property
     def digest(self) -> str:
-        """Hex sha256 of all of it."""
         return digest_of_value([super().digest, list(self.adapted), [str(name) for name in self.bearing]])
 
 

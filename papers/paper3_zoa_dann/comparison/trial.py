@@ -59,8 +59,6 @@ FINEST: Final = 1000.0
 
 @dataclass(frozen=True)
 class Trial:
-    """What is run."""
-
     task: str
     available: str  # state of the unlabelled data: "balanced", "imbalanced" or "scarce"
     unseen: float | None  # size whose bearings are left out of adaptation
@@ -83,7 +81,6 @@ class Trial:
 
 
 def noise_words(snr_db: float | None) -> str:
-    """A noise level in words."""
     return "no noise added" if snr_db is None else f"{snr_db:g} dB"
 
 

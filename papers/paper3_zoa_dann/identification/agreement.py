@@ -46,7 +46,6 @@ def prd(measured: Array, simulated: Array) -> float:
 
 
 def rmse(measured: Array, simulated: Array) -> float:
-    """Root mean square error."""
     return float(np.sqrt(np.mean((measured - simulated) ** 2)))
 
 

@@ -33,7 +33,6 @@ HIGHEST_HZ: Final = 520.0
 
 
 def all_figures(work: Work) -> Iterator[tuple[str, Figure]]:
-    """Every figure with its name."""
     yield "identification-convergence", convergence(work)
     for setting in work.options.settings:
         yield f"identification-signals-{setting}", signals(work, work["halves"][1], setting)

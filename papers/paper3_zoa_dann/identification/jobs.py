@@ -47,8 +47,6 @@ WORDS: Final = {
 
 @dataclass(frozen=True)
 class Size:
-    """How much is spent; explained in config.toml."""
-
     seeds: int
     evaluations: int
     machines: int
@@ -56,8 +54,6 @@ class Size:
 
 @dataclass(frozen=True)
 class Options:
-    """The study; every entry is explained in config.toml."""
-
     fault_size_inch: float
     load_hp: int
     faults: tuple[str, ...]
@@ -212,7 +208,6 @@ def recordings(options: Options, root: Path | None) -> tuple[str, tuple[RecordSe
 
 
 def halves(work: Work) -> tuple[RecordSet, RecordSet]:
-    """The recordings, halved: what is fitted, what is judged on."""
     work.title, found = recordings(work.options, work.root)
     return found
 
@@ -227,12 +222,10 @@ def searches(work: Work) -> Iterator[Search]:
 
 
 def fit(work: Work) -> Inputs:
-    """The half that is fitted."""
     return {"fit": (work["halves"][0], work["halves"][0].digest)}
 
 
 def both(work: Work) -> Inputs:
-    """Both halves."""
     return {name: (own, own.digest) for name, own in zip(("fit", "judge"), work["halves"], strict=True)}
 
 
@@ -252,7 +245,6 @@ def comparisons(work: Work) -> Iterator[Comparison]:
 
 
 def machines(work: Work) -> Iterator[Recovery]:
-    """Simulated machines whose parameters are sought again."""
     options = work.options
     for fault in options.faults:
         for seed in range(work.size.machines):

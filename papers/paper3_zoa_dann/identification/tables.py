@@ -21,7 +21,6 @@ KINDS = ("waveform", "spectrum")
 
 
 def all_tables(work: Work) -> dict[str, pd.DataFrame]:
-    """Every table by name."""
     found = agreement(work["comparisons"])
     tables = {
         "identification-convergence": convergence(work["searches"]),

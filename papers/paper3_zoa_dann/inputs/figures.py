@@ -22,7 +22,6 @@ LINES: Final = {"inner": "BPFI", "outer": "BPFO", "ball": "2 BSF"}
 
 
 def all_figures(work: Work) -> Iterator[tuple[str, Figure]]:
-    """Every figure with its name."""
     yield "spectra", spectra(work["results"][0], work.options, work.title)
 
 

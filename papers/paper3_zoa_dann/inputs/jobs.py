@@ -45,8 +45,6 @@ LABELS: Final = {"source_only": "Non-DA", "dann": "DANN"}
 
 @dataclass(frozen=True)
 class TaskResult:
-    """All that came out of one task."""
-
     task: Task
     measured: Measured
     identified: Mapping[str, float]

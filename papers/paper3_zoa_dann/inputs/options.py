@@ -70,8 +70,6 @@ class JudgingOptions:
 
 @dataclass(frozen=True)
 class Profile:
-    """How much is run; explained in config.toml."""
-
     tasks: tuple[str, ...]
     inputs: tuple[str, ...]
     seeds: int
@@ -85,8 +83,6 @@ class Profile:
 
 @dataclass(frozen=True)
 class Options:
-    """The whole configuration; explained in config.toml."""
-
     target: TargetOptions
     source: SourceOptions
     identification: IdentificationOptions

@@ -20,7 +20,6 @@ if TYPE_CHECKING:
 
 
 def all_tables(work: Work) -> dict[str, pd.DataFrame]:
-    """Every table by name."""
     results, options, title = work["results"], work.options, work.title
     return {
         "accuracy": pd.DataFrame(accuracy(results, options, title)),
