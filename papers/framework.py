@@ -82,7 +82,8 @@ class Study:
     config : Path
         Its TOML file.
     options : type
-        Dataclass of that file's entries. Its field `profiles`, a mapping, has the sizes of each profile.
+        Dataclass of that file's entries, which are explained there. Its field `profiles`, a mapping, has the sizes of
+        each profile.
     tables : callable
         Work -> name -> table.
     figures : callable, optional

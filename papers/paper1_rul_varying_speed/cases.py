@@ -164,11 +164,6 @@ def read_case(target: Target, name: str, options: TargetOptions, adaptation: Ada
     """Read one run.
 
     Raises `TwingapError` when nothing can be predicted of the run, or it does not reach the end of life.
-
-    Parameters
-    ----------
-    name : str
-        Of the bearing.
     """
     records = target.records.select(lambda c: c.group == name)
     if records.bearing is None:

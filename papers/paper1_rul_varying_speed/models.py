@@ -31,16 +31,9 @@ MODELS: Final[Mapping[str, LifeArchitecture]] = MappingProxyType({
 def architecture_of(
     name: str, *, printed: bool = False, models: Mapping[str, LifeArchitecture] = MODELS
 ) -> LifeArchitecture:
-    """The network of one model.
+    """The network of one model; `printed`: table 1 to the letter, 32 features, instead of the text's 112.
 
     Raises `TwingapError` for an unknown model.
-
-    Parameters
-    ----------
-    name : str
-        A key of `models`.
-    printed : bool
-        Table 1 to the letter, 32 features, instead of the text's 112.
     """
     if name not in models:
         raise TwingapError(f"no model {name!r}", where="models", mend=f"choose from {', '.join(models)}")

@@ -25,13 +25,7 @@ def all_figures(work: Work) -> Iterator[tuple[str, Figure]]:
 
 
 def errors(every: pd.DataFrame) -> Figure:
-    """RMSE after the alarm of each method on each bearing.
-
-    Parameters
-    ----------
-    every : DataFrame
-        As `tables.table` makes it.
-    """
+    """RMSE after the alarm of each method on each bearing."""
     figure = Figure(figsize=(9.5, 4.4), layout="constrained")
     axes = figure.subplots()
     bearings = list(dict.fromkeys(every["bearing"]))

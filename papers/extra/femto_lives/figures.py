@@ -20,15 +20,7 @@ def all_figures(work: Work) -> Iterator[tuple[str, Figure]]:
 
 
 def lives(every: pd.DataFrame, runs: pd.DataFrame) -> Figure:
-    """A row of panels per wait, a panel per model: RMSE of each run by twin, seeds as whiskers from least to most.
-
-    Parameters
-    ----------
-    every : DataFrame
-        As `tables.errors` makes it.
-    runs : DataFrame
-        As `tables.of_runs` makes it.
-    """
+    """A row of panels per wait, a panel per model: RMSE of each run by twin, seeds as whiskers from least to most."""
     waits, models = list(dict.fromkeys(every["wait_min"])), list(dict.fromkeys(every["model"]))
     figure = Figure(figsize=(5.6 * len(models) + 1, 3.7 * len(waits) + 0.8), layout="constrained")
     panels = figure.subplots(len(waits), len(models), squeeze=False, sharey="row")

@@ -79,17 +79,6 @@ def read_case(records: RecordSet, name: str, wait_min: float, options: Lives) ->
     """A run as the paper's recipe reads it; the end is known to the judge alone.
 
     Raises `TwingapError` when nothing can be simulated before the run ends.
-
-    Parameters
-    ----------
-    records : RecordSet
-        Of the whole data set.
-    name : str
-        Of the bearing.
-    wait_min : float
-        After the alarm.
-    options : Lives
-        The paper's: lives, their range, the rule of the anomaly.
     """
     own = records.select(lambda c: c.group == name)
     if own.bearing is None:

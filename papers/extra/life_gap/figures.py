@@ -18,13 +18,7 @@ def all_figures(work: Work) -> Iterator[tuple[str, Figure]]:
 
 
 def gaps(told: pd.DataFrame) -> Figure:
-    """A panel per data set, a group per stage: the gap as it is, with the named effects, and its floor.
-
-    Parameters
-    ----------
-    told : DataFrame
-        As `tables.verdicts` makes it.
-    """
+    """A panel per data set, a group per stage: the gap as it is, with the named effects, and its floor."""
     sets = [own for _, own in told[told["gap_before"].notna()].groupby("data", sort=False)]
     figure = Figure(figsize=(6.4 * max(len(sets), 1), 4.8), layout="constrained")
     for axes, own in zip(figure.subplots(1, max(len(sets), 1), squeeze=False)[0], sets, strict=False):

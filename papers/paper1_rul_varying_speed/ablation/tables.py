@@ -22,13 +22,7 @@ def all_tables(work: Work) -> dict[str, pd.DataFrame]:
 
 
 def tables_of(rows: Sequence[dict[str, Any]]) -> dict[str, pd.DataFrame]:
-    """Errors by lives, bearing and model over seeds; and by lives and model over bearings, beside DANN's.
-
-    Parameters
-    ----------
-    rows : sequence of dict
-        One of each training.
-    """
+    """Errors by lives, bearing and model over seeds; and by lives and model over bearings, beside DANN's."""
     every = pd.DataFrame(rows)
     by_bearing = every.groupby(["data", "lives", "bearing", "model"], sort=False).agg(
         seeds=("seed", "size"), rmse_min=("rmse_min", "mean"), std=("rmse_min", "std"), bias_min=("bias_min", "mean"),

@@ -166,13 +166,7 @@ def remaining(result: CaseResult, data: str) -> Figure:
 
 
 def network(own: LifeArchitecture, model: str) -> Figure:
-    """Figure 8: the network with the sizes that were run.
-
-    Parameters
-    ----------
-    model : str
-        Name of the model, as in table 5.
-    """
+    """Figure 8: the network with the sizes that were run."""
     figure = Figure(figsize=(13, 4.6), layout="constrained")
     axes = figure.subplots()
     axes.set_axis_off()
@@ -329,13 +323,7 @@ def _grid(panels: int) -> tuple[int, int]:
 
 
 def table5(errors: pd.DataFrame) -> Figure:
-    """Table 5 as a figure: mean RMSE by run and model in numbers, 95 % intervals over seeds, the paper's beside them.
-
-    Parameters
-    ----------
-    errors : DataFrame
-        Rows of one twin of table ``errors``, as made or as read back from its file.
-    """
+    """Table 5 as a figure: mean RMSE by run and model in numbers, 95 % intervals over seeds, the paper's beside."""
     models = [m for m in dict.fromkeys(errors["model"]) if m != LIVES]
     bearings = list(dict.fromkeys(errors["bearing"]))
     columns = min(3, len(bearings))

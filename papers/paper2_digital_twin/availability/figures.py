@@ -30,13 +30,7 @@ def all_figures(work: Work) -> Iterator[tuple[str, Figure]]:
 
 
 def crossings(accuracy: pd.DataFrame, crossed: pd.DataFrame) -> Figure:
-    """Accuracy over labelled records of each fault, with 95 % intervals over seeds; rings where methods cross.
-
-    Parameters
-    ----------
-    accuracy, crossed : DataFrame
-        Tables ``availability-accuracy`` and ``availability-crossings``, as made or as read back from their files.
-    """
+    """Accuracy over labelled records of each fault, with 95 % intervals over seeds; rings where methods cross."""
     accuracy = accuracy.assign(records=accuracy["records a fault"].astype(str))
     crossed = crossed.assign(start=crossed["at least as good from"].fillna("").astype(str))
     steps, titles = list(dict.fromkeys(accuracy["records"])), list(dict.fromkeys(accuracy["data"]))

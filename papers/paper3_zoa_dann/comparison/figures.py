@@ -56,15 +56,7 @@ def all_figures(work: Work) -> Iterator[tuple[str, Figure]]:
 
 
 def accuracy(runs: pd.DataFrame, available: str) -> Figure:
-    """Accuracy by task and method without added noise: the mean as a number, the seeds and their range.
-
-    Parameters
-    ----------
-    runs : DataFrame
-        Table ``comparison-trials``, as made or as read back from its file.
-    available : str
-        State of the target data.
-    """
+    """Accuracy by task and method without added noise: the mean as a number, the seeds and their range."""
     own = runs[runs["main"] & (runs["noise"] == CLEAN) & (runs["available"] == available)]
     names = list(dict.fromkeys(own["task"]))
     methods = [method for method in ALL if (own["method"] == method).any()]

@@ -185,17 +185,7 @@ def split(task: TaskFile, records: RecordSet, unseen: float | None) -> tuple[Tas
 
 
 def material(task: TaskFile, records: RecordSet, available: str, unseen: float | None) -> Material:
-    """The windows of one task, in one state of what is available.
-
-    Parameters
-    ----------
-    records : RecordSet
-        Labelled.
-    available : str
-        A key of the task's `available`.
-    unseen : float or None
-        As in `split`.
-    """
+    """The windows of one task, in one state of what is available."""
     if available not in task.available:
         raise TwingapError(f"unknown {available!r}", where=task.name, mend=f"use one of {', '.join(task.available)}")
     sides, labelled = split(task, records, unseen)

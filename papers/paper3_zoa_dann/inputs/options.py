@@ -14,6 +14,14 @@ from twingap.effects import catalogue
 from twingap.errors import TwingapError
 
 CONFIG: Final = Path(__file__).with_name("config.toml")
+RANGES: Final = {
+    "source": (
+        "width_mm", "depth_share", "clearance_um", "load_n", "snr_db", "resonance_hz", "resonance_damping",
+        "resonance_gain",
+    ),
+    "identification": ("stiffness", "damping", "white_share"),
+}  # fmt: skip
+"""Entries [low, high] by table."""
 
 
 @dataclass(frozen=True)
@@ -103,22 +111,7 @@ def read_options(path: Path = CONFIG) -> Options:
 
 def check(options: Options, path: Path) -> None:
     """Refuse what the types of the entries allow and the study cannot do."""
-    for table, ranges in (
-        (
-            "source",
-            (
-                "width_mm",
-                "depth_share",
-                "clearance_um",
-                "load_n",
-                "snr_db",
-                "resonance_hz",
-                "resonance_damping",
-                "resonance_gain",
-            ),
-        ),
-        ("identification", ("stiffness", "damping", "white_share")),
-    ):
+    for table, ranges in RANGES.items():
         for name in ranges:
             value = getattr(getattr(options, table), name)
             lowest = float("-inf") if name == "snr_db" else 0.0
