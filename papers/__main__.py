@@ -72,7 +72,8 @@ def _run(name: str, uri: str | None, given: dict[str, object]) -> None:
         work = study.run(**given, log=log, progress=say)  # type: ignore[arg-type]
     for title, frame in work.shown():
         print(f"\n{title}\n{frame.to_string(index=False, float_format=lambda v: f'{v:.4g}')}")
-    print(*work.notes(), work.out / "tables", work.out / "figures", sep="\n")
+    drawn = [work.out / "figures"] if study.figures else []
+    print(*work.notes(), work.out / "tables", *drawn, sep="\n")
 
 
 if __name__ == "__main__":

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import functools
 import importlib
+import inspect
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -79,13 +80,13 @@ class Study:
     ----------
     name, title : str
         The title stands above the headlines.
-    config : Path
-        Its TOML file.
     options : type
         Dataclass of that file's entries, which are explained there. Its field `profiles`, a mapping, has the sizes of
         each profile.
     tables : callable
         Work -> name -> table.
+    config : Path
+        Its TOML file; the one beside the module of `options` unless given.
     figures : callable, optional
         Work -> pairs of name and figure.
     headlines : tuple of str
@@ -108,10 +109,10 @@ class Study:
 
     name: str
     title: str
-    config: Path
     options: type[Any]
     steps: Sequence[Step]
     tables: Callable[[Work], Mapping[str, pd.DataFrame]]
+    config: Path = Path("config.toml")
     figures: Callable[[Work], Iterable[tuple[str, Figure]]] | None = None
     headlines: tuple[str, ...] = ()
     columns: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
@@ -121,6 +122,9 @@ class Study:
     notes: Callable[[Work], Iterable[str]] = lambda work: ()
     at_hand: Callable[[Path | None], bool] = lambda root: True
     style: Any = field(default_factory=lambda: STYLE)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "config", Path(inspect.getfile(self.options)).parent / self.config)
 
     def read(self, config: Path | None = None) -> Any:
         """The options; errors name file, key, value and what was expected."""

@@ -4,12 +4,11 @@ from importlib.util import find_spec
 
 from papers.extra.baselines import jobs, tables
 from papers.framework import Step, Study
-from papers.paper3_zoa_dann.comparison.jobs import CONFIG, Options, check, load_tasks
+from papers.paper3_zoa_dann.comparison.jobs import Options, check, load_tasks
 
 STUDY = Study(
     name="baselines",
     title="shallow domain adaptation by skada",
-    config=CONFIG,
     options=Options,
     check=check,
     steps=(Step("tasks", load_tasks), Step("results", jobs.results)),

@@ -1,7 +1,5 @@
 """Declaration of the study of FEMTO's runs."""
 
-from pathlib import Path
-
 from papers.extra.femto import figures, jobs, tables
 from papers.framework import Step, Study
 from papers.paper1_rul_varying_speed.lives.figures import STYLE
@@ -10,7 +8,6 @@ STUDY = Study(
     name="femto",
     title="remaining life of the FEMTO learning bearings",
     data="FEMTO",
-    config=Path(__file__).with_name("config.toml"),
     options=jobs.Options,
     at_hand=jobs.at_hand,
     steps=(

@@ -1,7 +1,5 @@
 """Declaration of the study of paper 1's twin on FEMTO's runs."""
 
-from pathlib import Path
-
 from papers.extra.femto.jobs import at_hand
 from papers.extra.femto_lives import figures, jobs, tables
 from papers.framework import Step, Study
@@ -11,7 +9,6 @@ STUDY = Study(
     name="femto_lives",
     title="the twin of lives on FEMTO's runs",
     data="FEMTO",
-    config=Path(__file__).with_name("config.toml"),
     options=jobs.Options,
     at_hand=at_hand,
     steps=(

@@ -1,7 +1,5 @@
 """Declaration of the study of the challenge's score."""
 
-from pathlib import Path
-
 from papers.extra.femto.jobs import at_hand, files
 from papers.extra.femto_score import jobs, tables
 from papers.framework import Step, Study
@@ -10,7 +8,6 @@ STUDY = Study(
     name="femto_score",
     title="score of the PHM 2012 challenge on the FEMTO learning bearings",
     data="FEMTO",
-    config=Path(__file__).with_name("config.toml"),
     options=jobs.Options,
     at_hand=lambda root: at_hand(root, 6),
     steps=(

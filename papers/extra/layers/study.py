@@ -1,6 +1,5 @@
 """Declaration of the study of layers, and its tables: probes by layer, and checkpoints."""
 
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -32,7 +31,6 @@ def _shares(right: list[float]) -> dict[str, Any]:
 STUDY = Study(
     name="layers",
     title="what the layers keep of the classes",
-    config=Path(__file__).with_name("config.toml"),
     options=jobs.Options,
     check=jobs.check,
     steps=(Step("results", jobs.results),),

@@ -1,7 +1,5 @@
 """Declaration of the study of the gap of paper 1's twin."""
 
-from pathlib import Path
-
 from papers.extra.life_gap import diagnoses, figures, jobs, tables
 from papers.framework import Step, Study
 from papers.paper1_rul_varying_speed.lives.figures import STYLE
@@ -9,7 +7,6 @@ from papers.paper1_rul_varying_speed.lives.figures import STYLE
 STUDY = Study(
     name="life_gap",
     title="gap of the twin of lives",
-    config=Path(__file__).with_name("config.toml"),
     options=jobs.Options,
     steps=(
         Step("options", jobs.lives),

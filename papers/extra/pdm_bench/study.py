@@ -1,7 +1,6 @@
 """Declaration of the study of pdm-bench's scenarios."""
 
 from importlib.util import find_spec
-from pathlib import Path
 
 from papers.extra.pdm_bench import jobs, tables
 from papers.framework import Step, Study
@@ -9,7 +8,6 @@ from papers.framework import Step, Study
 STUDY = Study(
     name="pdm_bench",
     title="frozen scenarios of pdm-bench",
-    config=Path(__file__).with_name("config.toml"),
     options=jobs.Options,
     check=jobs.check,
     steps=(Step("splits", jobs.load_splits), Step("rows", jobs.read_rows), Step("results", jobs.results)),

@@ -1,7 +1,5 @@
 """Declaration of the study of the virtual rig's lives."""
 
-from pathlib import Path
-
 from papers.extra.rig_lives import jobs, tables
 from papers.framework import Step, Study
 from twingap.rigs.smart_maintenance import TITLE
@@ -10,7 +8,6 @@ STUDY = Study(
     name="rig_lives",
     title="remaining life of the virtual rig's runs",
     data=TITLE,
-    config=Path(__file__).with_name("config.toml"),
     options=jobs.Options,
     steps=(Step("runs", jobs.amplitudes, jobs.jobs, words=lambda job: f"bench {job.seed}, {job.bearing}"),),
     tables=tables.all_tables,

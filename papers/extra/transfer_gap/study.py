@@ -1,7 +1,5 @@
 """Declaration of the study of closing the gap for transfer."""
 
-from pathlib import Path
-
 from papers.extra.transfer_gap import jobs, tables
 from papers.framework import Step, Study
 from papers.paper2_digital_twin.availability.jobs import network
@@ -9,7 +7,6 @@ from papers.paper2_digital_twin.availability.jobs import network
 STUDY = Study(
     name="transfer_gap",
     title="what the paper's twin teaches, with its gap closed and without",
-    config=Path(__file__).with_name("config.toml"),
     options=jobs.Options,
     steps=(
         Step("records", jobs.load_sets),

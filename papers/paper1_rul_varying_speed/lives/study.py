@@ -6,7 +6,6 @@ from papers.paper1_rul_varying_speed.lives import figures, jobs, options, tables
 STUDY = Study(
     name="lives",
     title="RMSE of remaining time, minutes",
-    config=options.CONFIG,
     options=options.Options,
     check=options.check,
     steps=(Step("target", jobs.target), Step("results", jobs.results)),

@@ -6,7 +6,6 @@ from papers.paper2_digital_twin.availability import figures, jobs, tables
 STUDY = Study(
     name="availability",
     title="diagnosis by how much labelled data there is",
-    config=jobs.CONFIG,
     options=jobs.Options,
     check=jobs.check_options,
     steps=(

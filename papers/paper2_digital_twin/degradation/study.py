@@ -1,14 +1,11 @@
 """Declaration of the degradation study."""
 
-from pathlib import Path
-
 from papers.framework import Step, Study
 from papers.paper2_digital_twin.degradation import figures, jobs, tables
 
 STUDY = Study(
     name="degradation",
     title="degradation curves",
-    config=Path(__file__).with_name("config.toml"),
     options=jobs.Options,
     check=jobs.check,
     steps=(

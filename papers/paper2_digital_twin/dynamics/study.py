@@ -1,14 +1,11 @@
 """Declaration of the dynamics study."""
 
-from pathlib import Path
-
 from papers.framework import Step, Study
 from papers.paper2_digital_twin.dynamics import figures, jobs, tables
 
 STUDY = Study(
     name="dynamics",
     title="contact dynamics, simulated",
-    config=Path(__file__).with_name("config.toml"),
     options=jobs.Options,
     check=jobs.check,
     steps=(

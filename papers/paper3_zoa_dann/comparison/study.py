@@ -6,7 +6,6 @@ from papers.paper3_zoa_dann.comparison import figures, jobs, tables
 STUDY = Study(
     name="comparison",
     title="nine methods and the analyst's rule",
-    config=jobs.CONFIG,
     options=jobs.Options,
     check=jobs.check,
     steps=(Step("tasks", jobs.load_tasks), Step("outcomes", jobs.outcomes)),

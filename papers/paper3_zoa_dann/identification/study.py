@@ -1,14 +1,11 @@
 """Declaration of the identification study."""
 
-from pathlib import Path
-
 from papers.framework import STYLE_LARGE, Step, Study
 from papers.paper3_zoa_dann.identification import figures, jobs, tables
 
 STUDY = Study(
     name="identification",
     title="identification of the twin",
-    config=Path(__file__).with_name("config.toml"),
     options=jobs.Options,
     check=jobs.check,
     steps=(

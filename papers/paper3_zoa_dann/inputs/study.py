@@ -6,7 +6,6 @@ from papers.paper3_zoa_dann.inputs import figures, jobs, options, tables
 STUDY = Study(
     name="inputs",
     title="a plain network, with and without adaptation, trained on the contact twin",
-    config=options.CONFIG,
     options=options.Options,
     check=options.check,
     steps=(Step("target", jobs.load), Step("results", jobs.results)),
