@@ -26,7 +26,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
         prog="python -m papers", description=__doc__, epilog=f"Studies: {', '.join(short_names())}"
     )
     parser.add_argument("study", nargs="?", help="e.g. paper2.dynamics")
-    parser.add_argument("--check-configs", action="store_true", help="read every configuration, and run nothing")
+    parser.add_argument(
+        "--check-configs", action="store_true", help="read the study's configuration, or all, and run nothing"
+    )
     parser.add_argument("--profile", default="smoke")
     parser.add_argument("--out", type=Path)
     parser.add_argument("--config", type=Path, help="in place of the study's own")
@@ -47,7 +49,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         for path in effects:
             load_effects(path)
         if given.pop("check_configs"):
-            print(*check_configurations(), sep="\n")
+            print(*check_configurations(name), sep="\n")
             return
         if name is None or given["out"] is None:
             parser.error("a study and --out are needed")

@@ -161,11 +161,10 @@ def short_names() -> dict[str, str]:
     return {f"{short[folder]}.{name}": f"papers.{folder}.{name}" for folder, _, name in packages}
 
 
-def check_configurations() -> list[str]:
-    """Read the configuration of every study, and run nothing; a line for each.
+def check_configurations(name: str | None = None) -> list[str]:
+    """Read the configuration of a study, or of every one of the project, and run nothing; a line for each.
 
     Raises `TwingapError` for the first that is wrong: file, key, value and what was expected.
     """
-    return [
-        f"{name}: profiles {', '.join(load_study(package).read().profiles)}" for name, package in short_names().items()
-    ]
+    asked = short_names() if name is None else {name: full_name(name)[1]}
+    return [f"{name}: profiles {', '.join(load_study(package).read().profiles)}" for name, package in asked.items()]

@@ -65,9 +65,12 @@ def test_a_study_written_from_the_page_runs_and_is_small(
 ) -> None:
     code = "".join((newcomer / name).read_text(encoding="utf-8") for name in ("jobs.py", "study.py"))
     assert sum(bool(line.strip()) for line in code.splitlines()) <= 80
+    main(["my_studies.jitter", "--check-configs"])
+    assert capsys.readouterr().out == "my_studies.jitter: profiles smoke, full\n"
     typed = ["my_studies.jitter", "--out", str(tmp_path / "out"), "--backend", "sequential", "--no-track"]
     main(typed)
     said = capsys.readouterr()
+    assert said.out.endswith(f"{tmp_path / 'out' / 'tables'}\n"), "no folder of figures where there are none"
     assert "jitter, prominence: 4 of 4" in said.err and "jitter: 4 jobs, 4 of them run now" in said.out
     table = pd.read_csv(tmp_path / "out" / "tables" / "jitter.csv").set_index("jitter")["prominence"]
     assert table[0.001] > 1.2 * table[0.05]
@@ -156,7 +159,9 @@ def test_a_module_imported_for_types_alone_is_not_followed() -> None:
 
 
 def test_every_configuration_is_valid() -> None:
-    assert len(check_configurations()) == len(STUDIES) == 20
+    assert len(check_configurations()) == len(STUDIES)
+    declared = {".".join(path.relative_to(PAPERS.parent).parent.parts) for path in PAPERS.rglob("study.py")}
+    assert set(STUDIES.values()) == declared, "every study of the project is named in papers/reproduce.py"
 
 
 def test_a_wrong_configuration_is_found_without_a_run(
