@@ -6,10 +6,13 @@ accuracies of two methods, paired by task and seed --> differences --> p of thei
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 STEP: Final = 1e-4
 """Differences are counted in hundredths of a point; what is finer is rounded away."""
@@ -52,6 +55,20 @@ def sign_flip(differences: Sequence[float] | NDArray[np.float64], step: float = 
         ways = shifted
     sums = np.abs(np.arange(-total, total + 1))
     return min(1.0, float(ways[sums >= observed].sum()))
+
+
+def paired(one: pd.Series[Any], other: pd.Series[Any], name: str = "gain") -> tuple[pd.Series[Any], dict[str, Any]]:
+    """Differences of accuracies with the same index, and their columns of a table: `name` is their mean, in points."""
+    found = (one - other).dropna()
+    return found, {
+        "pairs": len(found), name: 100 * found.mean(), "won": int((found > 0).sum()), "lost": int((found < 0).sum()),
+        "p": sign_flip(found.to_numpy(float)),
+    }  # fmt: skip
+
+
+def corrected(rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Rows with a column ``p_holm`` beside their ``p``."""
+    return [row | {"p_holm": p} for row, p in zip(rows, holm([row["p"] for row in rows]), strict=True)]
 
 
 def holm(p_values: Sequence[float]) -> list[float]:

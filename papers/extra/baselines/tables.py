@@ -5,16 +5,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-import numpy as np
 import pandas as pd
 
 from papers.extra.baselines.jobs import PLAIN, Trial
 from papers.framework import Work
-from papers.paper3_zoa_dann.significance import holm, sign_flip
+from papers.paper3_zoa_dann.significance import corrected, paired
 from twingap.sweep import Result
 
 MEASURES = ("accuracy", "oracle", "macro_f1", "auroc")
-CELL = ["data", "source", "method"]
+CELL = ["held_out", "data", "source", "method"]
 
 
 def all_tables(work: Work) -> dict[str, pd.DataFrame]:
@@ -41,31 +40,19 @@ def table(found: Sequence[tuple[str, Result[Trial]]]) -> pd.DataFrame:
 def means(rows: pd.DataFrame) -> pd.DataFrame:
     """Means over tasks and seeds, with the deviation over seeds of the mean over tasks."""
     out = []
-    for (held_out, *cell), own in rows.groupby(["held_out", *CELL], sort=False):
-        by_seed = own.groupby("seed")["accuracy"].mean()
-        out.append(
-            {"held_out": held_out, **dict(zip(CELL, cell, strict=True)), "trials": len(own)}
-            | {name: own[name].mean() for name in MEASURES}
-            | {"accuracy_std": by_seed.std()}
-        )
+    for cell, own in rows.groupby(CELL, sort=False):
+        spread = own.groupby("seed")["accuracy"].mean().std()
+        measured = {name: own[name].mean() for name in MEASURES}
+        out.append({**dict(zip(CELL, cell, strict=True)), "trials": len(own), **measured, "accuracy_std": spread})
     return pd.DataFrame(out)
 
 
 def tests(rows: pd.DataFrame) -> pd.DataFrame:
     """Each method against none, by pairs of task and seed: sign flips, corrected by Holm within a source."""
-    out = []
+    out: list[dict[str, Any]] = []
     for (held_out, data, source), own in rows.groupby(["held_out", "data", "source"], sort=False):
         pairs = own.pivot_table(index=["task", "seed"], columns="method", values="accuracy", sort=False)
-        found: list[dict[str, Any]] = []
-        for method in [name for name in pairs.columns if name != PLAIN]:
-            gain = (pairs[method] - pairs[PLAIN]).dropna()
-            found.append(
-                {
-                    "held_out": held_out, "data": data, "source": source, "method": method, "pairs": len(gain),
-                    "gain": 100 * gain.mean(), "won": int((gain > 0).sum()), "lost": int((gain < 0).sum()),
-                    "p": sign_flip(np.asarray(gain)),
-                }
-            )  # fmt: skip
-        for row, corrected in zip(found, holm([float(str(row["p"])) for row in found]), strict=True):
-            out.append({**row, "p_holm": corrected})
+        about = {"held_out": held_out, "data": data, "source": source}
+        methods = [name for name in pairs.columns if name != PLAIN]
+        out += corrected([about | {"method": name} | paired(pairs[name], pairs[PLAIN])[1] for name in methods])
     return pd.DataFrame(out)

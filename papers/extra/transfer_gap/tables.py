@@ -49,8 +49,7 @@ def means(rows: pd.DataFrame) -> pd.DataFrame:
             own = part[part["twin"] == kind]
             found.append({
                 "data": data, "split by": split, "twin": kind, "seeds": len(own),
-                "recordings": own["recordings"].max(), "accuracy": own["accuracy"].mean(),
-                "std": own["accuracy"].std(ddof=1) if len(own) > 1 else np.nan,
+                "recordings": own["recordings"].max(), "accuracy": own["accuracy"].mean(), "std": own["accuracy"].std(),
                 "balanced accuracy": own["balanced accuracy"].mean(),
                 "on its own machines held out": own["on its own machines held out"].mean(),
                 "gain": gain.mean() if kind == "gap closed" else np.nan,

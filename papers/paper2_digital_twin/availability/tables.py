@@ -65,14 +65,12 @@ def calls(work: Work) -> pd.DataFrame:
 def by_seed(called: pd.DataFrame) -> pd.DataFrame:
     """Share of recordings called right, and its mean over classes, for each seed."""
     keys = ["data", "split", "method", "records", "seed"]
-    rows = []
-    for key, part in called.groupby(keys, sort=False):
-        right = part["class"] == part["called"]
-        rows.append({
-            **dict(zip(keys, key, strict=True)), "labels": int(part["labels"].min()), "recordings": len(part),
-            "accuracy": right.mean(), "balanced": right.groupby(part["class"]).mean().mean(),
-        })  # fmt: skip
-    return pd.DataFrame(rows)
+    right = called.assign(right=called["class"] == called["called"])
+    found = right.groupby(keys, sort=False).agg(
+        labels=("labels", "min"), recordings=("right", "size"), accuracy=("right", "mean")
+    )
+    by_class = right.groupby([*keys, "class"])["right"].mean()
+    return found.assign(balanced=by_class.groupby(keys).mean()).reset_index()
 
 
 def accuracy(called: pd.DataFrame) -> pd.DataFrame:
@@ -86,8 +84,7 @@ def accuracy(called: pd.DataFrame) -> pd.DataFrame:
             "data": TITLES[str(data)], "split by": split, "method": method,
             "records a fault": "all" if records == ALL else str(records), "at hand": part["labels"].min(),
             "recordings": part["recordings"].max(), "seeds": len(part), "accuracy": part["accuracy"].mean(),
-            "std": part["accuracy"].std(ddof=1) if len(part) > 1 else np.nan,
-            "low": max(low, 0.0), "high": min(high, 1.0),
+            "std": part["accuracy"].std(), "low": max(low, 0.0), "high": min(high, 1.0),
             "balanced accuracy": part["balanced"].mean(),
         })  # fmt: skip
     return pd.DataFrame(rows)

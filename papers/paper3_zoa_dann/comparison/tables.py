@@ -21,7 +21,7 @@ from papers.paper3_zoa_dann.comparison.jobs import Key, Options, TaskOutcome
 from papers.paper3_zoa_dann.comparison.trial import ALL, ANALYST, OWN, noise_words
 from papers.paper3_zoa_dann.inputs.options import Options as Common
 from papers.paper3_zoa_dann.inputs.options import read_options as read_common
-from papers.paper3_zoa_dann.significance import holm, sign_flip
+from papers.paper3_zoa_dann.significance import corrected, paired
 from twingap.adapt import CRITERIA
 
 ORDER: Final = ("balanced", "imbalanced", "scarce")
@@ -104,20 +104,13 @@ def by_task(runs: pd.DataFrame, levels: Sequence[float]) -> pd.DataFrame:
         if main.empty:
             continue
         strict = own["strict"].dropna()
-        rows.append(
-            {
-                "data": data, "task": task, "available": available, "method": method, "seeds": len(main),
-                **_summary(main["accuracy"], levels),
-                "oracle": main["oracle"].mean(),
-                "strict": strict.mean() if len(strict) else np.nan,
-                "strict_std": std(list(strict)),
-                "strict_seeds": len(strict),
-                "strict_oracle": own["strict_oracle"].mean(),
-                "recordings_right": main["recordings_right"].mean(),
-                "recordings": int(main["recordings"].iloc[0]),
-                "source_accuracy": main["source_accuracy"].mean(),
-            }
-        )  # fmt: skip
+        rows.append({
+            "data": data, "task": task, "available": available, "method": method, "seeds": len(main),
+            **_summary(main["accuracy"], levels), "oracle": main["oracle"].mean(), "strict": strict.mean(),
+            "strict_std": std(list(strict)), "strict_seeds": len(strict), "strict_oracle": own["strict_oracle"].mean(),
+            "recordings_right": main["recordings_right"].mean(), "recordings": int(main["recordings"].iloc[0]),
+            "source_accuracy": main["source_accuracy"].mean(),
+        })  # fmt: skip
     return pd.DataFrame(rows)
 
 
@@ -139,16 +132,12 @@ def family_means(runs: pd.DataFrame, options: Options, levels: Sequence[float]) 
                     continue
                 here = own[own["method"] == method]
                 lead = 100 * (values.mean() - max(rivals)) if rivals and method not in options.rivals else np.nan
-                rows.append(
-                    {
-                        "data": ", ".join(dict.fromkeys(here["data"])), "family": family, "available": available,
-                        "noise": noise, "method": method, "tasks": here["task"].nunique(), "seeds": len(values),
-                        **_summary(values, levels),
-                        "oracle": _by_seed(here, "oracle").mean(),
-                        "strict": _strict(runs, str(family), str(noise), method),
-                        "lead": lead,
-                    }
-                )  # fmt: skip
+                rows.append({
+                    "data": ", ".join(dict.fromkeys(here["data"])), "family": family, "available": available,
+                    "noise": noise, "method": method, "tasks": here["task"].nunique(), "seeds": len(values),
+                    **_summary(values, levels), "oracle": _by_seed(here, "oracle").mean(),
+                    "strict": _strict(runs, str(family), str(noise), method), "lead": lead,
+                })  # fmt: skip
     return pd.DataFrame(rows)
 
 
@@ -179,12 +168,10 @@ def at_noise(runs: pd.DataFrame, snr_db: float, levels: Sequence[float]) -> pd.D
             continue
         quiet = own[own["noise"] == CLEAN].set_index("seed")["accuracy"].reindex(noisy.index)
         oracle = own.loc[own["snr_db"] == snr_db, "oracle"].mean()
-        rows.append(
-            {
-                "data": data, "task": task, "noise": noise_words(snr_db), "method": method, "seeds": len(noisy),
-                **_summary(noisy, levels), "oracle": oracle, "loss": 100 * (quiet - noisy).mean(),
-            }
-        )  # fmt: skip
+        rows.append({
+            "data": data, "task": task, "noise": noise_words(snr_db), "method": method, "seeds": len(noisy),
+            **_summary(noisy, levels), "oracle": oracle, "loss": 100 * (quiet - noisy).mean(),
+        })  # fmt: skip
     columns = ["data", "task", "noise", "method", "seeds", "accuracy", "accuracy_std", "oracle", "loss"]
     return pd.DataFrame(rows) if rows else pd.DataFrame(columns=columns)
 
@@ -206,18 +193,14 @@ def tests(runs: pd.DataFrame, options: Options, levels: Sequence[float]) -> pd.D
             for method in ALL:
                 if method == reference or method not in pairs:
                     continue
-                difference = (pairs[reference] - pairs[method]).dropna()
+                difference, columns = paired(pairs[reference], pairs[method], "lead")
                 seeds = difference.unstack("task").dropna().mean(axis=1)
-                row: dict[str, Any] = {
+                found.append({
                     "data": ", ".join(dict.fromkeys(own["data"])), "family": family, "noise": noise,
-                    "reference": reference, "method": method, "pairs": len(difference),
-                    "lead": 100 * difference.mean(),
-                    "won": int((difference > 0).sum()), "lost": int((difference < 0).sum()),
-                    "p": sign_flip(difference.to_numpy()),
-                }  # fmt: skip
-                found.append(row | intervals([100 * float(v) for v in seeds], levels, name="lead_"))
-            for row, corrected in zip(found, holm([row["p"] for row in found]), strict=True):
-                rows.append({**row, "p_holm": corrected})
+                    "reference": reference, "method": method, **columns,
+                    **intervals([100 * float(v) for v in seeds], levels, name="lead_"),
+                })  # fmt: skip
+            rows += corrected(found)
     return pd.DataFrame(rows)
 
 
@@ -277,13 +260,11 @@ def confusion(outcomes: Sequence[TaskOutcome], options: Options) -> pd.DataFrame
                 if counts is None:
                     continue
                 for true, line in zip(classes, counts, strict=True):
-                    rows.append(
-                        {
-                            "data": outcome.data, "task": outcome.task.name, "noise": noise_words(snr_db),
-                            "method": method, "true": true,
-                        }
-                        | {f"called {name}": int(n) for name, n in zip(classes, line, strict=True)}
-                    )  # fmt: skip
+                    rows.append({
+                        "data": outcome.data, "task": outcome.task.name, "noise": noise_words(snr_db),
+                        "method": method, "true": true,
+                        **{f"called {name}": int(n) for name, n in zip(classes, line, strict=True)},
+                    })  # fmt: skip
     return pd.DataFrame(rows)
 
 
@@ -322,16 +303,14 @@ def tasks(outcomes: Sequence[TaskOutcome]) -> pd.DataFrame:
 
 def identified(outcomes: Sequence[TaskOutcome]) -> pd.DataFrame:
     """What was identified from the unlabelled windows of each cell."""
-    return pd.DataFrame(
-        [
-            {
-                "data": outcome.data, "task": outcome.task.name, "available": available,
-                "unseen": np.nan if unseen is None else unseen, **values,
-            }
-            for outcome in outcomes
-            for (available, unseen), values in sorted(outcome.identified.items(), key=_cell)
-        ]
-    )  # fmt: skip
+    return pd.DataFrame([
+        {
+            "data": outcome.data, "task": outcome.task.name, "available": available,
+            "unseen": np.nan if unseen is None else unseen, **values,
+        }
+        for outcome in outcomes
+        for (available, unseen), values in sorted(outcome.identified.items(), key=_cell)
+    ])  # fmt: skip
 
 
 def _cell(item: tuple[Key, Any]) -> tuple[int, float]:
