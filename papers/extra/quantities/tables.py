@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import numpy as np
 import pandas as pd
 
 from papers.extra.quantities.jobs import QUANTITIES
 from papers.framework import Work
 from papers.paper3_zoa_dann.comparison.trial import Trial
-from papers.paper3_zoa_dann.significance import sign_flip
+from papers.paper3_zoa_dann.significance import paired
 from twingap.sweep import Result
 
 
@@ -39,15 +38,12 @@ def means(rows: pd.DataFrame) -> pd.DataFrame:
     for (data, method), own in rows.groupby(["data", "method"], sort=False):
         first = own[own["quantity"] == QUANTITIES[0]].set_index(pair)["accuracy"]
         for quantity, of in own.groupby("quantity", sort=False):
-            gain = (of.set_index(pair)["accuracy"] - first).dropna()
-            plain = quantity == QUANTITIES[0]
-            out.append(
-                {
-                    "data": data, "method": method, "quantity": quantity, "accuracy": of["accuracy"].mean(),
-                    "std": of["accuracy"].std(), "oracle": of["oracle"].mean(),
-                    "source_accuracy": of["source_accuracy"].mean(), "gain": np.nan if plain else gain.mean(),
-                    "pairs_won": np.nan if plain else int((gain > 0).sum()), "pairs": len(gain),
-                    "p": np.nan if plain else sign_flip(gain.to_numpy()),
-                }
-            )  # fmt: skip
+            gain, found = paired(of.set_index(pair)["accuracy"], first)
+            over = {"gain": gain.mean(), "pairs_won": found["won"], "pairs": len(gain), "p": found["p"]}
+            out.append({
+                "data": data, "method": method, "quantity": quantity, "accuracy": of["accuracy"].mean(),
+                "std": of["accuracy"].std(), "oracle": of["oracle"].mean(),
+                "source_accuracy": of["source_accuracy"].mean(),
+                **(over if quantity != QUANTITIES[0] else dict.fromkeys(over, float("nan")) | {"pairs": len(gain)}),
+            })  # fmt: skip
     return pd.DataFrame(out)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from types import MappingProxyType
 from typing import Any, Final
 
@@ -68,26 +68,21 @@ def reaction(predicted_min: Array, speed_rpm: Array) -> float:
 def _row(
     result: CaseResult, data: str, model: str, predictions: Sequence[Array], options: Options
 ) -> dict[str, Any]:  # fmt: skip
-    case, later = result.case, result.case.later
-    true = case.true_min
+    case, true, later, alpha = result.case, result.case.true_min, result.case.later, options.judging.alpha
     errors = [rmse(true, p) for p in predictions]
-    after = [rmse(true[later], p[later]) for p in predictions] if later.any() else [float("nan")]
-    row: dict[str, Any] = {
+
+    def over_later(metric: Callable[[Array, Array], Any]) -> float:
+        return float(np.mean([metric(true[later], p[later]) for p in predictions])) if later.any() else float("nan")
+
+    return {
         "data": data, "twin": result.variant, "bearing": case.name, "model": model, "seeds": len(errors),
         "rmse_min": float(np.mean(errors)), "std": std(errors),
+        **intervals(errors, options.judging.levels, lowest=0.0), "rmse_later_min": over_later(rmse),
+        "bias_min": float(np.mean([np.mean(p - true) for p in predictions])),
+        f"within_{100 * alpha:.0f}": over_later(lambda t, p: within_alpha(t, p, alpha).mean()),
+        "relative_accuracy": over_later(cumulative_relative_accuracy),
+        "reaction": float(np.mean([reaction(p, case.judged.speed_rpm) for p in predictions])),
     }  # fmt: skip
-    row |= intervals(errors, options.judging.levels, lowest=0.0)
-    alpha = options.judging.alpha
-    row["rmse_later_min"] = float(np.mean(after))
-    row["bias_min"] = float(np.mean([np.mean(p - true) for p in predictions]))
-    row[f"within_{100 * alpha:.0f}"] = float(
-        np.mean([within_alpha(true[later], p[later], alpha).mean() for p in predictions])
-    ) if later.any() else float("nan")  # fmt: skip
-    row["relative_accuracy"] = float(
-        np.mean([cumulative_relative_accuracy(true[later], p[later]) for p in predictions])
-    ) if later.any() else float("nan")  # fmt: skip
-    row["reaction"] = float(np.mean([reaction(p, case.judged.speed_rpm) for p in predictions]))
-    return row
 
 
 def errors(results: Sequence[CaseResult], options: Options, data: str) -> list[dict[str, Any]]:
@@ -242,15 +237,13 @@ def selection(results: Sequence[CaseResult], data: str) -> pd.DataFrame:
     rows = []
     for result in results:
         for model in result.models:
-            trainings = result.of(model)
-            row: dict[str, Any] = {
+            values = [t.value for t in result.of(model)]
+            rows.append({
                 "data": data, "twin": result.variant, "bearing": result.case.name, "model": model,
-            }  # fmt: skip
-            for name in trainings[0].value["chosen"]:
-                row[name] = float(np.mean([t.value["rmse_min"][t.value["chosen"][name]] for t in trainings]))
-            row["last checkpoint"] = float(np.mean([t.value["rmse_min"][-1] for t in trainings]))
-            row["oracle (true lives)"] = float(np.mean([min(t.value["rmse_min"]) for t in trainings]))
-            rows.append(row)
+                **{name: np.mean([v["rmse_min"][v["chosen"][name]] for v in values]) for name in values[0]["chosen"]},
+                "last checkpoint": np.mean([v["rmse_min"][-1] for v in values]),
+                "oracle (true lives)": np.mean([min(v["rmse_min"]) for v in values]),
+            })  # fmt: skip
     return pd.DataFrame(rows)
 
 

@@ -71,31 +71,25 @@ def _row(
     result: TaskResult, data: str, view: str, method: str, trainings: list[Result[Job]], options: Options
 ) -> dict[str, Any]:
     values = [t.value["accuracy"][t.value["place"]] for t in trainings]
-    row: dict[str, Any] = {
+    return {
         "data": data, "task": result.task.title, "input": view, "method": method, "seeds": len(values),
-        "accuracy": float(np.mean(values)), "std": std(values),
+        "accuracy": float(np.mean(values)), "std": std(values), **intervals(values, options.judging.levels, 0.0, 1.0),
+        "balanced": float(np.mean([t.value["balanced_accuracy"][t.value["place"]] for t in trainings])),
+        "recordings_right": float(np.mean([t.value["recordings_right"] for t in trainings])),
+        "recordings": trainings[0].value["recordings"],
+        "oracle": float(np.mean([max(t.value["accuracy"]) for t in trainings])),
+        "source_accuracy": float(np.mean([t.value["source_accuracy"] for t in trainings])),
     }  # fmt: skip
-    row |= intervals(values, options.judging.levels, 0.0, 1.0)
-    row["balanced"] = float(np.mean([t.value["balanced_accuracy"][t.value["place"]] for t in trainings]))
-    row["recordings_right"] = float(np.mean([t.value["recordings_right"] for t in trainings]))
-    row["recordings"] = trainings[0].value["recordings"]
-    row["oracle"] = float(np.mean([max(t.value["accuracy"]) for t in trainings]))
-    row["source_accuracy"] = float(np.mean([t.value["source_accuracy"] for t in trainings]))
-    return row
 
 
 def _yardstick(result: TaskResult, data: str, view: str, method: str, found: Scores | float) -> dict[str, Any]:
-    row: dict[str, Any] = {
-        "data": data, "task": result.task.title, "input": view, "method": method, "seeds": 0,
-        "accuracy": found if isinstance(found, float) else found.accuracy,
+    row = {"data": data, "task": result.task.title, "input": view, "method": method, "seeds": 0}
+    if isinstance(found, float):
+        return row | {"accuracy": found}
+    return row | {
+        "accuracy": found.accuracy, "balanced": found.balanced_accuracy,
+        "recordings_right": float(found.recordings_right), "recordings": found.recordings,
     }  # fmt: skip
-    if isinstance(found, Scores):
-        row |= {
-            "balanced": found.balanced_accuracy,
-            "recordings_right": float(found.recordings_right),
-            "recordings": found.recordings,
-        }
-    return row
 
 
 def confusion(results: Sequence[TaskResult], options: Options, data: str) -> pd.DataFrame:
@@ -132,13 +126,11 @@ def recordings(results: Sequence[TaskResult], options: Options, data: str) -> pd
             for condition, probabilities in zip(conditions, of_each, strict=True):
                 counts = np.bincount(probabilities.argmax(axis=1), minlength=len(classes))
                 shares = zip(classes, counts / counts.sum(), strict=True)
-                rows.append(
-                    {
-                        "data": data, "task": result.task.title, "input": view, "method": method,
-                        "recording": condition.name, "bearing": condition.extra["bearing_id"], "true": condition.fault,
-                    }
-                    | {f"called {name}": round(float(share), 3) for name, share in shares}
-                )  # fmt: skip
+                rows.append({
+                    "data": data, "task": result.task.title, "input": view, "method": method,
+                    "recording": condition.name, "bearing": condition.extra["bearing_id"], "true": condition.fault,
+                    **{f"called {name}": round(float(share), 3) for name, share in shares},
+                })  # fmt: skip
     return pd.DataFrame(rows)
 
 
@@ -147,12 +139,13 @@ def selection(results: Sequence[TaskResult], data: str) -> pd.DataFrame:
     rows = []
     for result in results:
         for (view, method), trainings in cells(result).items():
-            row: dict[str, Any] = {"data": data, "task": result.task.title, "input": view, "method": LABELS[method]}
-            for name in trainings[0].value["chosen"]:
-                row[name] = float(np.mean([t.value["accuracy"][t.value["chosen"][name]] for t in trainings]))
-            row["last checkpoint"] = float(np.mean([t.value["accuracy"][-1] for t in trainings]))
-            row["oracle (target labels)"] = float(np.mean([max(t.value["accuracy"]) for t in trainings]))
-            rows.append(row)
+            values = [t.value for t in trainings]
+            rows.append({
+                "data": data, "task": result.task.title, "input": view, "method": LABELS[method],
+                **{name: np.mean([v["accuracy"][v["chosen"][name]] for v in values]) for name in values[0]["chosen"]},
+                "last checkpoint": np.mean([v["accuracy"][-1] for v in values]),
+                "oracle (target labels)": np.mean([max(v["accuracy"]) for v in values]),
+            })  # fmt: skip
     return pd.DataFrame(rows)
 
 
