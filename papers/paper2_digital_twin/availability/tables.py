@@ -39,27 +39,23 @@ def all_tables(work: Work) -> dict[str, pd.DataFrame]:
 
 def calls(work: Work) -> pd.DataFrame:
     """One row for each recording, method, number of labels, split and seed: what it was called, and what it is."""
-    rows: list[dict[str, Any]] = []
-
-    def add(data: Measured, split: str, method: str, count: str, seed: int, row: dict[str, Any]) -> None:
-        for recording, label in row["calls"].items():
-            rows.append({
-                "data": data.name, "split": split, "method": method, "records": int(count), "labels": row["labels"],
-                "seed": seed, "recording": recording, "class": data.labels[recording], "called": label,
-            })  # fmt: skip
-
-    for net in work["networks"]:
-        if net.job.kind != "grafted":
-            continue
-        for split in SPLITS:
-            for count, row in net.value[split]["rows"].items():
-                add(work["data"][net.job.data], split, METHODS[0], count, net.job.seed, row)
-    for few in work["shallows"]:
-        for split in SPLITS:
-            for method, by_count in few.value[split].items():
-                for count, row in by_count.items():
-                    add(work["data"][few.job.data], split, method, count, few.job.seed, row)
-    return pd.DataFrame(rows)
+    found = [
+        (n.job, {split: {METHODS[0]: n.value[split]["rows"]} for split in SPLITS})
+        for n in work["networks"] if n.job.kind == "grafted"
+    ]  # fmt: skip
+    found += [(r.job, r.value) for r in work["shallows"]]
+    return pd.DataFrame([
+        {
+            "data": job.data, "split": split, "method": method, "records": int(count), "labels": row["labels"],
+            "seed": job.seed, "recording": recording, "class": work["data"][job.data].labels[recording],
+            "called": label,
+        }
+        for job, by_split in found
+        for split in SPLITS
+        for method, by_count in by_split[split].items()
+        for count, row in by_count.items()
+        for recording, label in row["calls"].items()
+    ])  # fmt: skip
 
 
 def by_seed(called: pd.DataFrame) -> pd.DataFrame:
@@ -162,15 +158,13 @@ def selection(work: Work) -> pd.DataFrame:
     rows = []
     for name, data in work["data"].items():
         for split in SPLITS:
-            nets = [n for n in work["networks"] if n.job.data == name and n.job.kind == "grafted"]
-            row: dict[str, Any] = {"data": TITLES[name], "split by": split, "chosen by": work.options.criterion}
-            criteria = nets[0].value[split]["by criterion"]
-            for criterion in criteria:
-                row[criterion] = _mean_right(data, [n.value[split]["by criterion"][criterion] for n in nets])
-            last = len(nets[0].value[split]["checkpoints"]) - 1
-            row["last checkpoint"] = _mean_right(data, [n.value[split]["checkpoints"][last] for n in nets])
-            best = [max(n.value[split]["checkpoints"], key=lambda c: _right(data, c)) for n in nets]
-            rows.append({**row, "oracle": _mean_right(data, best)})
+            nets = [n.value[split] for n in work["networks"] if n.job.data == name and n.job.kind == "grafted"]
+            rows.append({
+                "data": TITLES[name], "split by": split, "chosen by": work.options.criterion,
+                **{c: _mean_right(data, [n["by criterion"][c] for n in nets]) for c in nets[0]["by criterion"]},
+                "last checkpoint": _mean_right(data, [n["checkpoints"][-1] for n in nets]),
+                "oracle": _mean_right(data, [max(n["checkpoints"], key=lambda c: _right(data, c)) for n in nets]),
+            })  # fmt: skip
     return pd.DataFrame(rows)
 
 
