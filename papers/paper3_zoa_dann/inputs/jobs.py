@@ -30,8 +30,8 @@ from papers.paper3_zoa_dann.source import FREE, Recipe
 from papers.paper3_zoa_dann.tasks import Target, Task, load_target, make_tasks
 from papers.paper3_zoa_dann.yardsticks import analyst, majority
 from twingap.adapt import Method, Scores, cut, score
+from twingap.bearing import Bearing
 from twingap.errors import TwingapError
-from twingap.records import RecordSet
 
 if TYPE_CHECKING:
     from papers.framework import Work
@@ -74,7 +74,8 @@ def load(work: Work) -> Target:
 def results(work: Work) -> list[TaskResult]:
     """Every task, logged as soon as it is finished."""
     options, size, records = work.options, work.size, work["target"].records
-    bearing, found = records.bearing, []
+    found, bearing = [], records.bearing
+    assert bearing is not None
     for task in make_tasks(size.tasks, records):
         own = _measured(task, options, size)
         asked = Identification(
@@ -86,7 +87,7 @@ def results(work: Work) -> list[TaskResult]:
             train_and_judge, _jobs(task, recipe, options, size, work.seed), {"measured": (own, own.digest)},
             lambda j: f"{j.task}, {j.view}, {j.method}, seed {j.seed}", f"training, {task.title}",
         )  # fmt: skip
-        found.append(_judged(task, own, parameters, recipe, trainings, options, records))
+        found.append(TaskResult(task, own, parameters, recipe, trainings, **_yardsticks(task, own, options, bearing)))
         _log_task(work.log, found[-1])
     return found
 
@@ -97,7 +98,7 @@ def _measured(task: Task, options: Options, sizes: Profile) -> Measured:
 
 
 def _recipe(
-    identified: Mapping[str, float], task: Task, options: Options, sizes: Profile, bearing: Any, seed: int
+    identified: Mapping[str, float], task: Task, options: Options, sizes: Profile, bearing: Bearing, seed: int
 ) -> Recipe:
     return Recipe(
         **{name: float(identified[name]) for name in FREE},  # type: ignore[arg-type]
@@ -124,32 +125,21 @@ def _jobs(task: Task, recipe: Recipe, options: Options, sizes: Profile, seed: in
                 )  # fmt: skip
 
 
-def _judged(
-    task: Task,
-    measured: Measured,
-    identified: Mapping[str, float],
-    recipe: Recipe,
-    trainings: list[Result[Job]],
-    options: Options,
-    records: RecordSet,
-) -> TaskResult:
-    """Add the yardsticks."""
-    classes, rate = options.target.classes, options.judging.false_alarm
-    labels, bearing = measured.evaluate.labels, records.bearing
-    assert labels is not None and bearing is not None
+def _yardsticks(task: Task, measured: Measured, options: Options, bearing: Bearing) -> dict[str, Any]:
+    classes, rate, labels = options.target.classes, options.judging.false_alarm, measured.evaluate.labels
+    assert labels is not None
     calls = analyst(measured.evaluate, bearing, classes, rate)
     votes, truth = [], []
     for i, condition in enumerate(task.evaluate.conditions):
-        whole = cut(task.evaluate.take([i]), condition.n_samples, 1, classes)
-        votes.append(analyst(whole, bearing, classes, rate)[0])
-        truth.append(whole.labels)
+        one = cut(task.evaluate.take([i]), condition.n_samples, 1, classes)
+        votes.append(analyst(one, bearing, classes, rate)[0])
+        truth.append(one.labels)
     names = np.array([c.name for c in task.evaluate.conditions])
-    whole_calls = np.array(votes)
-    return TaskResult(
-        task, measured, identified, recipe, trainings, majority(labels, len(classes)),
-        score(calls, labels, measured.evaluate.group),
-        score(whole_calls, np.concatenate([t for t in truth if t is not None]), names), calls, whole_calls,
-    )  # fmt: skip
+    whole, whole_truth = np.array(votes), np.concatenate([t for t in truth if t is not None])
+    return {
+        "majority": majority(labels, len(classes)), "analyst": score(calls, labels, measured.evaluate.group),
+        "analyst_whole": score(whole, whole_truth, names), "analyst_calls": calls, "analyst_whole_calls": whole,
+    }  # fmt: skip
 
 
 def _log_task(log: Run, result: TaskResult) -> None:
