@@ -39,7 +39,7 @@ def table(found: Sequence[tuple[str, Result[Trial]]]) -> pd.DataFrame:
 
 def means(rows: pd.DataFrame) -> pd.DataFrame:
     """Means over tasks and seeds, with the deviation over seeds of the mean over tasks."""
-    out = []
+    out: list[dict[str, Any]] = []
     for cell, own in rows.groupby(CELL, sort=False):
         spread = own.groupby("seed")["accuracy"].mean().std()
         measured = {name: own[name].mean() for name in MEASURES}
