@@ -8,6 +8,7 @@ packages may also register twin models, such as functions (`twins.register_calla
 from __future__ import annotations
 
 import dataclasses
+import functools
 import hashlib
 import importlib.metadata
 import inspect
@@ -98,7 +99,13 @@ def register(kind: E_) -> E_:
 def catalogue() -> dict[str, type[Effect]]:
     """All known effects by name, in the order of their stages, then of registration, a user's own last."""
     _load_entry_points()
-    return dict(sorted({**_SHIPPED, **_OWN}.items(), key=lambda item: item[1].stage))
+    return dict(_in_order_of_stages((*_SHIPPED.items(), *_OWN.items())))
+
+
+@functools.lru_cache(maxsize=4)
+def _in_order_of_stages(kinds: tuple[tuple[str, type[Effect]], ...]) -> Mapping[str, type[Effect]]:
+    """Effects by name, in the order of their stages; kept, as every twin that is made reads the catalogue."""
+    return dict(sorted(kinds, key=lambda item: item[1].stage))
 
 
 def trainable() -> dict[str, type[Effect]]:

@@ -26,6 +26,7 @@ from twingap.twins.simulator import TwinSimulator
 from twingap.twins.twin_file import TwinSpec, all_parameters, flat, nested
 
 Array = NDArray[np.float64]
+Key = tuple[object, ...]
 
 MOST_SIMULATED: Final = 4
 """Most records of each state that are simulated to match a baseline: more are slower and reduce the error of levels."""
@@ -89,6 +90,7 @@ def match_baseline(
     *,
     free: TwinSpec | None = None,
     dampings: Sequence[float] = (0.04,),
+    known: dict[Key, Array] | None = None,
 ) -> TwinSpec:
     """Match the baseline of a twin with effects to records.
 
@@ -112,6 +114,8 @@ def match_baseline(
     dampings : sequence of float
         Initial damping ratios of the search for the mode, at the present frequency and at the highest peaks: a search
         from a single one may end in a broad mode that compensates for an effect.
+    known : dict, optional
+        Spectra of the twin without effects, kept for further calls with the same records and random numbers.
 
     Returns
     -------
@@ -124,7 +128,7 @@ def match_baseline(
     quiet = [s for s in sides if s.fault == "healthy"]
     loud = [s for s in sides if s.fault != "healthy"]
     noise_free = not {"structure_noise_rms", "white_noise_rms", "scale"} & fixed
-    matcher = _Matcher(spec, frame, fit_records.unit, root)
+    matcher = _Matcher(spec, frame, fit_records.unit, root, {} if known is None else known)
     if quiet:
         at, best_powers = _mode_search(matcher, quiet, loud, values, fixed, steps, dampings)
         values["resonance_hz"], values["damping_ratio"] = at
@@ -144,12 +148,13 @@ def match_baseline(
         band = mode_band(values["resonance_hz"], values["damping_ratio"], conditions, frame.bearing)
         matcher = replace(matcher, frame=replace(frame, band_hz=band))
         loud = [s for s in state_spectra(list(fit_records), matcher.frame) if s.fault != "healthy"]
+    without: dict[str, Array] = {}
     for _ in range(2 if steps else 1):
         for fault in sorted({s.fault for s in loud}):
             name = f"impact_amplitude.{fault}"
             if name in fixed:
                 continue
-            values[name] = matcher.amplitude(fault, [s for s in loud if s.fault == fault], values)
+            values[name] = matcher.amplitude(fault, [s for s in loud if s.fault == fault], values, without)
     return matcher.spec_with(values)
 
 
@@ -393,6 +398,7 @@ class _Matcher:
     frame: Frame
     unit: str
     root: int
+    bare: dict[Key, Array]
     known: dict[float, Array] = field(default_factory=dict)
     idle: dict[tuple[object, ...], bool] = field(default_factory=dict)
 
@@ -442,7 +448,10 @@ class _Matcher:
         lasting = acts == "after the mode" and values["structure_noise_rms"] < values["white_noise_rms"]
         if lasting and conditions[0].fs_hz in self.known:
             return self.known[conditions[0].fs_hz]
-        factor = self.density(conditions, values, self.spec) / self.density(conditions, values, self.plain)
+        key = self.root, tuple(c.name for c in conditions), tuple(sorted(values.items()))
+        if key not in self.bare:
+            self.bare[key] = self.density(conditions, values, self.plain)
+        factor = self.density(conditions, values, self.spec) / self.bare[key]
         if lasting:
             self.known[conditions[0].fs_hz] = factor
         return factor
@@ -472,8 +481,13 @@ class _Matcher:
         made = replace(self, spec=spec).simulated(conditions, values)
         return np.asarray(np.mean([_bands(r, self.frame)[0] for r in made], axis=0))
 
-    def amplitude(self, fault: str, sides: Sequence[StateSpectrum], values: dict[str, float]) -> float:
-        """Impact amplitude that matches the energy in the band to that of the records."""
+    def amplitude(
+        self, fault: str, sides: Sequence[StateSpectrum], values: dict[str, float], without: dict[str, Array]
+    ) -> float:
+        """Impact amplitude that matches the energy in the band to that of the records.
+
+        `without` keeps the energies without impacts, by fault.
+        """
         name = f"impact_amplitude.{fault}"
         number = np.array([len(side.conditions) for side in sides], float)
 
@@ -481,13 +495,14 @@ class _Matcher:
             made = (self.simulated(side.conditions[:MOST_SIMULATED], values | {name: amplitude}) for side in sides)
             return np.array([np.mean([_bands(r, self.frame)[1] for r in records]) for records in made])
 
-        without = energy(0.0)
-        wanted = float(number @ (np.array([side.energy for side in sides]) - without))
+        if fault not in without:
+            without[fault] = energy(0.0)
+        wanted = float(number @ (np.array([side.energy for side in sides]) - without[fault]))
         if wanted <= 0:  # by chance, simulated impulses stronger than the records' hide the impacts
             return values[name]
         now = max(values[name], _LEAST_BEGUN)
         for _ in range(_MOST_STEPS):
-            added = float(number @ (energy(now) - without))
+            added = float(number @ (energy(now) - without[fault]))
             if added <= 0:
                 return now
             step = math.sqrt(float(np.clip(wanted / added, 0.01, 100.0)))

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from twingap.bearing import FAULTS, Bearing
 from twingap.errors import TwingapError
-from twingap.identification.baseline import match_baseline
+from twingap.identification.baseline import Key, match_baseline
 from twingap.identification.impact_band import impact_hz, mode_band
 from twingap.identification.phenomenological import quick_identify
 from twingap.identification.speed import Speeds, estimate_speeds
@@ -407,6 +407,7 @@ def recalibrate(
     free: TwinSpec | None = None,
     steps: int = 4,
     dampings: Sequence[float] = (0.04,),
+    known: dict[Key, Array] | None = None,
 ) -> Calibrated:
     """The same parts with a twin with further effects, its baseline matched to the fit part again.
 
@@ -417,7 +418,7 @@ def recalibrate(
         The calibrated twin with further effects and their parameters.
     free : TwinSpec, optional
         The user's twin, whose fixed parameters stay; None leaves all baseline parameters free.
-    steps, dampings
+    steps, dampings, known
         As in `match_baseline`.
 
     Returns
@@ -426,7 +427,6 @@ def recalibrate(
     """
     if spec.model != "phenomenological":
         return replace(calibrated, spec=spec)
-    fit = thinned(calibrated.fit, 6)
-    return replace(
-        calibrated, spec=match_baseline(spec, fit, calibrated.frame, rng, steps, free=free, dampings=dampings)
-    )
+    fit, frame = thinned(calibrated.fit, 6), calibrated.frame
+    matched = match_baseline(spec, fit, frame, rng, steps, free=free, dampings=dampings, known=known)
+    return replace(calibrated, spec=matched)

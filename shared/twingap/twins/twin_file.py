@@ -408,8 +408,11 @@ def _check(spec: TwinSpec, where: object) -> None:
                 f"{given!r} found, a table expected", where=f"[parameters] {name}", mend=f"write [parameters.{name}]"
             )
         make_effect(name, given, "[parameters]" if name in catalogue() else "[twin] effects")
-    values = dataclasses.asdict(model_parameters(spec))
-    known = flat(values) | {f"{n}.{f.name}": 0 for n in seen for f in dataclasses.fields(catalogue()[n])}  # type: ignore[arg-type]
+    parameters = model_parameters(spec)
+    if not spec.intervals:
+        return
+    known = flat(dataclasses.asdict(parameters))
+    known |= {f"{n}.{f.name}": 0 for n in seen for f in dataclasses.fields(catalogue()[n])}  # type: ignore[arg-type]
     for name, (lo, hi) in spec.intervals.items():
         if name not in known:
             raise TwingapError(f"unknown parameter {name!r}", where="[intervals]", mend="remove it")

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Final
 
 import numpy as np
@@ -101,11 +102,9 @@ def _frequency_axis(grid: Grid) -> Axis:
 def _frequency(record: RecordTransforms, grid: Grid) -> Array:
     """Log level of the spectrum between its lines, over scale^2 per band; log excess of each band's largest line."""
     unit = record.frame.scale**2
-    edges = np.searchsorted(record.smooth_hz, grid.levels_hz)
-    starts = np.minimum(edges[:-1], record.smooth.size - 1)
-    sums = np.add.reduceat(record.smooth[: max(edges[-1], starts[-1] + 1)], starts)
-    level = sums / np.maximum(np.diff(edges), 1) * (grid.top_hz / unit)
-    lines = _largest(_raw_excess(record), record.df_hz, grid.lines_hz)
+    starts, stop, counts = _level_bins(grid, record.fs_hz, record.smooth.size)
+    level = np.add.reduceat(record.smooth[:stop], starts) / counts * (grid.top_hz / unit)
+    lines = _largest(_raw_excess(record), record.df_hz, grid, "lines_hz")
     return np.concatenate((np.log(level + 1e-10), lines))
 
 
@@ -118,7 +117,7 @@ def _order_axis(grid: Grid) -> Axis:
 
 def _order(record: RecordTransforms, grid: Grid) -> Array:
     """Log excess of the largest line near each shaft order."""
-    return _largest(_raw_excess(record), record.df_hz, grid.orders * record.shaft_hz)
+    return _largest(_raw_excess(record), record.df_hz, grid, "orders", record.shaft_hz)
 
 
 # ------------------------------------------------------------------------------------------------------- envelope order
@@ -135,7 +134,7 @@ def _envelope_order(record: RecordTransforms, grid: Grid) -> Array:
     # Beyond the width of the band the spectrum ends, in records and twin alike.
     cut = spectrum[: max(int(grid.top_envelope_order * 1.1 / df_orders) + 2, 16)]
     floor = _floor(cut) + 1e-15
-    lines = _largest(np.log(cut / floor + 1e-3), df_orders, grid.envelope_orders)
+    lines = _largest(np.log(cut / floor + 1e-3), df_orders, grid, "envelope_orders")
     broad = grid.envelope_floor
     places = np.clip(((broad[1:] + broad[:-1]) / 2 / df_orders).astype(int), 0, cut.size - 1)
     # The floor falls with the length of the record; its density per order does not.
@@ -238,12 +237,30 @@ def _floor(power: Array, width: int = 40) -> Array:
     return np.asarray(np.exp(floor, out=floor))
 
 
-def _largest(values: Array, step: float, edges: Array) -> Array:
-    """[edges - 1] Largest bin of a spectrum between neighbouring edges; the nearest bin where there is none."""
-    bins = np.clip(np.round(edges / step).astype(int), 1, values.size - 1)
+def _largest(values: Array, step: float, grid: Grid, edges: str, factor: float = 1.0) -> Array:
+    """[edges - 1] Largest bin of a spectrum between neighbouring edges of the grid, times a factor; the nearest bin
+    where there is none."""
+    starts, stop = _line_bins(grid, edges, factor, step, values.size)
+    return np.asarray(np.maximum.reduceat(values[:stop], starts))
+
+
+@lru_cache(maxsize=2048)
+def _line_bins(grid: Grid, edges: str, factor: float, step: float, size: int) -> tuple[NDArray[np.int64], int]:
+    """First bin of each band of a spectrum of `size` bins, and where the last one ends."""
+    bins = np.clip(np.round(getattr(grid, edges) * factor / step).astype(int), 1, size - 1)
     bins[1:] = np.maximum(bins[1:], bins[:-1])
-    stop = min(max(bins[-1], bins[-2] + 1), values.size)
-    return np.asarray(np.maximum.reduceat(values[:stop], np.minimum(bins[:-1], stop - 1)))
+    stop = min(max(int(bins[-1]), int(bins[-2]) + 1), size)
+    return np.minimum(bins[:-1], stop - 1), stop
+
+
+@lru_cache(maxsize=32)
+def _level_bins(grid: Grid, fs_hz: float, size: int) -> tuple[NDArray[np.int64], int, NDArray[np.int64]]:
+    """First bin of each band of a smooth spectrum of `size` bins, where the last one ends, and their numbers of
+    bins."""
+    middles_hz = (np.arange(size) + 0.5) * (fs_hz / 2 / size)
+    edges = np.searchsorted(middles_hz, grid.levels_hz)
+    starts = np.minimum(edges[:-1], size - 1)
+    return starts, max(int(edges[-1]), int(starts[-1]) + 1), np.maximum(np.diff(edges), 1)
 
 
 DOMAINS: Final = (

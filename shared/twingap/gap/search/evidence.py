@@ -29,7 +29,7 @@ from twingap.gap.features.pooled.trends import Levels
 from twingap.gap.features.spectrum.record_summary import RecordSummary, summarise
 from twingap.gap.search.free_spectra import By, Spectra
 from twingap.gap.search.parameter_scale import Setting
-from twingap.identification.baseline import MOST_SIMULATED, StateSpectrum, levels_of, match_level, state_spectra
+from twingap.identification.baseline import MOST_SIMULATED, Key, StateSpectrum, levels_of, match_level, state_spectra
 from twingap.identification.calibrate import Calibrated, recalibrate, thinned
 from twingap.records import Condition, Record, RecordSet
 from twingap.signal.record_transforms import RecordTransforms
@@ -54,6 +54,8 @@ modes. Training uses the middle one alone."""
 FEWEST_GROUPS: Final = 6
 """Smallest number of groups of records for an exchange test. Fewer allow at most 16 distinct exchanges, too few for
 a small p-value."""
+_KEPT_VECTORS: Final = 64
+"""Simulations whose feature vectors are kept. A larger number repeats fewer of them and takes more memory."""
 CONTACT_COSTS: Final = 13
 """Cost of a sample of the contact twin relative to the phenomenological twin. A larger value reduces the number of
 trials."""
@@ -175,6 +177,8 @@ class Evidence:
         self._simulator = simulator
         self._known: dict[tuple[Effect, ...], Compared] = {}
         self._spectra: dict[bool, Spectra] = {}
+        self._bare_spectra: dict[Key, Array] = {}
+        self._kept_vectors: dict[Key, FeatureVectors] = {}
         self._read_off: dict[str, Mapping[str, float]] = {}
 
     def pool(self, fit: Sequence[RecordSummary], held_out: Sequence[RecordSummary]) -> PooledRecords:
@@ -280,10 +284,10 @@ class Evidence:
         """Scale [bins] of distances on the fit part, the same for all twins."""
         grid, conditions = Grid.of(self.fit.conditions, self.frame.bearing), self.fit.conditions
         made = [
-            self.simulated(self._simulator, (), conditions, k)
+            self.simulated_vectors(self._simulator, (), conditions, grid, k)
             for k in self._replicate_numbers(self._simulator, conditions)
         ]
-        return Paired(self.fit.vectors, [self.vectors(records, grid) for records in made]).scale
+        return Paired(self.fit.vectors, made).scale
 
     @cached_property
     def _trial_scale(self) -> Array:
@@ -300,8 +304,9 @@ class Evidence:
 
     def gap(self, simulator: Simulator, effects: Sequence[Effect], replicate: int = 3) -> float:
         """Overall distance of the fit part from one simulation of it; for the search only, never reported."""
-        grid = Grid.of(self.fit.conditions, self.frame.bearing)
-        made = self.vectors(self.simulated(simulator, effects, self.fit.conditions, replicate), grid)
+        conditions = self.fit.conditions
+        grid = Grid.of(conditions, self.frame.bearing)
+        made = self.simulated_vectors(simulator, effects, conditions, grid, replicate)
         pair = Paired(self.fit.vectors, [made], self._scale)
         return float(pair.over_domains(pair.squares())[0][0])
 
@@ -322,9 +327,29 @@ class Evidence:
 
     def _simulated_trial(self, simulator: Simulator, effects: Sequence[Effect], replicate: int) -> FeatureVectors:
         """Feature vectors of one simulation of the trial records."""
-        return self.vectors(
-            self.simulated(simulator, effects, self.trial_records.conditions, replicate), self._trial_grid
-        )
+        return self.simulated_vectors(simulator, effects, self.trial_records.conditions, self._trial_grid, replicate)
+
+    def simulated_vectors(
+        self,
+        simulator: Simulator,
+        effects: Sequence[Effect],
+        conditions: Sequence[Condition],
+        grid: Grid,
+        replicate: int,
+    ) -> FeatureVectors:
+        """Feature vectors of one simulation. The last ones are kept, because searches come back to the same values."""
+        if not isinstance(simulator, TwinSimulator):
+            return self.vectors(self.simulated(simulator, effects, conditions, replicate), grid)
+        spec, of = simulator.spec, tuple((c.name, c.n_samples) for c in conditions)
+        # Numbers as text: a table of parameters has no hash.
+        key = spec.effects, repr(spec.parameters), tuple(effects), of, grid, replicate
+        found = self._kept_vectors.pop(key, None)
+        if found is None:
+            found = self.vectors(self.simulated(simulator, effects, conditions, replicate), grid)
+        self._kept_vectors[key] = found
+        if len(self._kept_vectors) > _KEPT_VECTORS:
+            del self._kept_vectors[next(iter(self._kept_vectors))]
+        return found
 
     def with_values(
         self, simulator: Simulator, effects: Sequence[Effect], baseline: Mapping[str, float] | None = None
@@ -372,7 +397,9 @@ class Evidence:
         values = {**spec.parameters, **{effect.name: effect.parameter_values() for effect in effects}}
         more = replace(spec, effects=(*spec.effects, *(effect.name for effect in effects)), parameters=values)
         rng = np.random.default_rng(self.root)
-        own = recalibrate(self.calibrated, more, rng, free=self.spec, steps=steps, dampings=self.dampings)
+        own = recalibrate(
+            self.calibrated, more, rng, free=self.spec, steps=steps, dampings=self.dampings, known=self._bare_spectra
+        )
         return simulator_of(own)
 
     def _levelled(self, effects: tuple[Effect, ...]) -> Simulator:

@@ -141,7 +141,7 @@ def _averaged_misfit(
 
     def made(simulator: Simulator, effects: tuple[Effect, ...]) -> list[FeatureVectors]:
         count = replicates_of(simulator, conditions, _MANY)
-        return [evidence.vectors(evidence.simulated(simulator, effects, conditions, k), grid) for k in range(count)]
+        return [evidence.simulated_vectors(simulator, effects, conditions, grid, k) for k in range(count)]
 
     scale = Paired(evidence.fit.vectors, made(evidence.against(effects).simulator, effects)).scale
     return lambda simulator, effects: Paired(evidence.fit.vectors, made(simulator, effects), scale).misfit()
