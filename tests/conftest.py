@@ -1,5 +1,6 @@
 """What every test may rely on, however the tests were started."""
 
+import os
 import shutil
 import signal
 import threading
@@ -13,6 +14,9 @@ import pytest
 # interrupt would never notice. A handler, unlike "ignore", is not inherited.
 if threading.current_thread() is threading.main_thread() and signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
+
+# Small trainings on many threads wait for each other for minutes where several workers share the cores.
+os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 
 @pytest.fixture(scope="session")
