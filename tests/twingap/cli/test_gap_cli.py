@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import sqlite3
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -116,12 +118,12 @@ def test_what_cannot_be_read_or_written_is_told_before_any_work(
 @pytest.mark.slow
 @pytest.mark.usefixtures("few_trials")
 def test_a_diagnosis_is_written_printed_exported_and_the_same_again(
-    typed_gap: Run, records: Path, twin: Path, tmp_path: Path
+    typed_gap: Run, records: Path, twin: Path, tmp_path: Path, new_database: Callable[[Path], str]
 ) -> None:
     store = tmp_path / "runs.db"
     out = tmp_path / "Ergebnis ü"
     said = typed_gap(
-        records, "--twin", twin, "--out", out, "--export", "--json", "--seed", 3, "--tracking-uri", f"sqlite:///{store}"
+        records, "--twin", twin, "--out", out, "--export", "--json", "--seed", 3, "--tracking-uri", new_database(store)
     )
     assert said.status == 0, said.err
     names = ("gap.json", "report.html", "closest.toml", "sim_before", "sim_after", "sim_closest")
@@ -139,7 +141,8 @@ def test_a_diagnosis_is_written_printed_exported_and_the_same_again(
         conditions = {(c.name, c.fault, c.fs_hz, c.n_samples) for c in made.conditions}
         assert conditions == {(c.name, c.fault, c.fs_hz, c.n_samples) for c in asked.conditions}
         assert made.unit == asked.unit and made.bearing == asked.bearing
-    assert store.exists()
+    with sqlite3.connect(store) as database:
+        assert database.execute("SELECT count(*) FROM runs").fetchone() == (1,)
     again = typed_gap(records, "--twin", twin, "--out", tmp_path / "again", "--no-track", "--seed", 3)
     assert again.status == 0 and again.out.splitlines()[-1] == str(tmp_path / "again" / "closest.toml")
     repeated = json.loads((tmp_path / "again" / "gap.json").read_text(encoding="utf-8"))

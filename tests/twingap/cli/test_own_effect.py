@@ -28,6 +28,7 @@ FILE = (Path(__file__).parents[3] / "docs" / "how-to" / "my_effects.py").read_te
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("few_trials")
 def test_one_new_file_is_all_that_an_effect_takes(typed: Run, tmp_path: Path) -> None:
     own, machine, twin = (tmp_path / name for name in ("my_effects.py", "machine.toml", "twin.toml"))
     own.write_text(FILE, encoding="utf-8")

@@ -9,6 +9,7 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -39,10 +40,12 @@ def results(out: Path) -> dict[str, bytes]:
 
 
 @pytest.fixture(scope="module")
-def finished(machines: Path, twin: Path, tmp_path_factory: pytest.TempPathFactory) -> Finished:
+def finished(
+    machines: Path, twin: Path, tmp_path_factory: pytest.TempPathFactory, new_database: Callable[[Path], str]
+) -> Finished:
     """Killed -9 after the first diagnosis, and resumed with tracking."""
     folder = tmp_path_factory.mktemp("killed")
-    out, uri = folder / "Ergebnis ü", f"sqlite:///{folder / 'runs.db'}"
+    out, uri = folder / "Ergebnis ü", new_database(folder / "runs.db")
     command = [sys.executable, "-m", "twingap.cli", "fleet", str(machines), "--twin", str(twin), "--out", str(out)]
     command += ["--jobs", "1", "--seed", "3", "--quick", "--tracking-uri", uri]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:

@@ -120,11 +120,13 @@ def test_sqlite_keeps_everything(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 
 
 @pytest.mark.slow
-def test_a_real_server_keeps_everything(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_real_server_keeps_everything(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, new_database: NewDatabase
+) -> None:
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         port = free.getsockname()[1]
-    with serving(f"sqlite:///{tmp_path / 'server' / 'mlflow.db'}", "127.0.0.1", port, need_runs=False):
+    with serving(new_database(tmp_path / "server" / "mlflow.db"), "127.0.0.1", port, need_runs=False):
         monkeypatch.setenv("MLFLOW_TRACKING_URI", f"http://127.0.0.1:{port}")
         tracker = MlflowTracker(experiment="remote")
         assert tracker.uri == f"http://127.0.0.1:{port}"
