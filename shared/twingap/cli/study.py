@@ -116,6 +116,12 @@ def public(
         int,
         typer.Option("--single", metavar="N", help="Records of each recording diagnosed by itself; 0: none.", min=0),
     ] = 3,
+    parts: Annotated[
+        str,
+        typer.Option(
+            "--parts", metavar="NAMES", help="Parts, separated by commas: verdicts; closest (twins, stated splits)."
+        ),
+    ] = "verdicts,closest",
     effects: Effects = None,
     seed: Seed = 0,
     jobs: Jobs = None,
@@ -125,15 +131,16 @@ def public(
     tracking_uri: TrackingUri = None,
     json: Json = False,
 ) -> None:
-    """Diagnose public records: what each paper's twin lacks, effects withheld or added, single recordings."""
+    """Diagnose public records: what each paper's twin lacks, effects withheld or added, single recordings; and judge
+    the closest twin on recordings and bearings that it has not seen."""
     from twingap.study.public import Plan, run_public
     from twingap.study.public_report import twin_rows, write_public
     from twingap.study.runner import command_line
     from twingap.study.tracking import track_public
 
     tracking = Tracking("study public", track, tracking_uri)
-    names = tuple(dict.fromkeys(name.strip() for name in sets.split(",") if name.strip()))
-    plan = Plan(names, seed, pieces, splits, injections, single_pieces)
+    names, wanted = (tuple(dict.fromkeys(n.strip() for n in text.split(",") if n.strip())) for text in (sets, parts))
+    plan = Plan(names, seed, pieces, splits, injections, single_pieces, wanted)
     with resumable("sets") as shown:
         table = run_public(
             out,

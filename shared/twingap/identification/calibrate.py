@@ -13,7 +13,7 @@ on both parts: trends of levels within a fault, lines of many records, the comb 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -28,7 +28,7 @@ from twingap.identification.phenomenological import quick_identify
 from twingap.identification.speed import Speeds, estimate_speeds
 from twingap.identification.speed_reading import comb_heights
 from twingap.identification.user_model import levelled
-from twingap.records import RecordSet
+from twingap.records import Condition, RecordSet
 from twingap.signal import most_impulsive_band
 from twingap.signal.record_transforms import Frame
 from twingap.twins.twin_file import TwinSpec, build_twin, flat, in_unit
@@ -123,11 +123,21 @@ def calibrate(
 
 
 def prepare(
-    records: RecordSet, spec: TwinSpec | None, rng: np.random.Generator, *, sim: RecordSet | None = None
+    records: RecordSet,
+    spec: TwinSpec | None,
+    rng: np.random.Generator,
+    *,
+    sim: RecordSet | None = None,
+    fitted: Callable[[Condition], bool] | None = None,
 ) -> Prepared:
     """Check the records, correct their speeds and split them: the part of `calibrate` that needs no twin model.
 
-    Parameters and errors are those of `calibrate`.
+    Other parameters and errors are those of `calibrate`.
+
+    Parameters
+    ----------
+    fitted : callable, optional
+        Whether a record belongs to the fit part, for a split of one's own; None for `split_parts`.
     """
     bearing = records.bearing or (spec.bearing if spec is not None else None) or (sim.bearing if sim else None)
     if bearing is None:
@@ -151,7 +161,7 @@ def prepare(
     speeds = estimate_speeds(known, bearing)
     notes += speeds.notes
     known = _with_bearing(speeds.corrected(known), bearing)
-    fit, held_out, shared = split_parts(known, rng, notes)
+    fit, held_out, shared = split_parts(known, rng, notes) if fitted is None else stated_parts(known, fitted)
     return Prepared(fit, held_out, speeds, tuple(c.name for c in known.conditions), shared, aside, tuple(notes))
 
 
@@ -307,6 +317,26 @@ def split_parts(
         full = parts[0] or parts[1]
         parts = (full, full)
     return records.take(sorted(parts[0])), records.take(sorted(parts[1])), tuple(shared)
+
+
+def stated_parts(
+    records: RecordSet, fitted: Callable[[Condition], bool]
+) -> tuple[RecordSet, RecordSet, tuple[str, ...]]:
+    """Fit part, held-out part and names of records in both (none), as `fitted` assigns the records.
+
+    Raises
+    ------
+    TwingapError
+        For an empty part, or a group with records in both.
+    """
+    chosen = [fitted(condition) for condition in records.conditions]
+    parts = [[i for i, own in enumerate(chosen) if own is side] for side in (True, False)]
+    if not all(parts):
+        raise TwingapError("the split leaves one part without records", where=f"record set {records.name!r}")
+    fit, held_out = (records.take(places) for places in parts)
+    if common := fit.common_groups(held_out):
+        raise TwingapError(f"the split puts records of {', '.join(sorted(common))} in both parts")
+    return fit, held_out, ()
 
 
 def _fitted(count: int, spans: bool, rng: np.random.Generator) -> list[int]:

@@ -1,8 +1,10 @@
-"""Study on public records: effects missing from each paper's twin, withheld and injected effects, single recordings.
+"""Study on public records: effects missing from each paper's twin, withheld and injected effects, single recordings,
+and the closest twin.
 
 sets --twins--> verdicts --the best twin, an effect withheld--> named again?
      --halves, an effect injected or none--> named? false alarms?
-     --each recording alone--> compared with the literature              all --> public.json, public.md
+     --each recording alone--> compared with the literature
+     --stated splits--> closest twin: closure, what it teaches a classifier      all --> public.json, public.md
 """
 
 from __future__ import annotations
@@ -18,14 +20,17 @@ from typing import Any, Final
 
 from twingap import files
 from twingap.data.registry import reader
-from twingap.errors import TwingapError
+from twingap.errors import TwingapError, one_of
 from twingap.provenance import digest_of_code, plain, versions
 from twingap.study.intervals import of_rate
+from twingap.study.public_closest import PIECE_S, splits
 from twingap.study.public_jobs import TWINS, PublicJob, can_be_injected, chain_of, run_job, twin_spec
 from twingap.study.public_sets import DOCUMENTED, SINGLE, PublicSet, documented, public_set
 
 SCHEMA: Final = "twingap.public/1"
 SETS: Final = ("cwru", "hit_sm")
+PARTS: Final = ("verdicts", "closest")
+"""Parts of the study: verdicts on records, and the closest twin under stated splits."""
 SEARCHED: Final = ("bare", "paper1")
 """Twins from which effects are withheld; the contact twin is not one, as its effects follow from its physics."""
 
@@ -50,6 +55,8 @@ class Plan:
         Halvings on which every effect is injected, in the first set.
     single_pieces : int
         Records of each recording that is diagnosed by itself; 0 = no single recordings.
+    parts : tuple of str
+        Which of `PARTS` to run.
     """
 
     sets: tuple[str, ...] = SETS
@@ -58,6 +65,7 @@ class Plan:
     splits: int = 6
     injections: int = 1
     single_pieces: int = 3
+    parts: tuple[str, ...] = PARTS
 
 
 def run_public(
@@ -95,12 +103,15 @@ def run_public(
     Raises
     ------
     TwingapError
-        For an unknown set or a folder that cannot be written, and when none of the sets is available and none has a
-        surrogate.
+        For an unknown set or part, a folder that cannot be written, and when none of the sets is available and none has
+        a surrogate.
     """
     begin = time.perf_counter()
     for name in plan.sets:
         reader(name)  # raises for an unknown name
+    for name in plan.parts:
+        if name not in PARTS:
+            raise TwingapError(f"unknown part {name!r}", mend=one_of(name, PARTS, "parts"))
     held, skipped = _available(plan, root)
     files.try_folder(out)
     code, data = _digests(held)
@@ -113,12 +124,19 @@ def run_public(
         where={"n_jobs": jobs, "backend": backend, "address": address},
         progress=progress,
     )
-    work = [j for name in held for j in _first_jobs(plan, name, held[name])]
-    results = dict(zip(work, run(work, "records diagnosed"), strict=True))
+    results: dict[PublicJob, dict[str, Any]] = {}
+    best: dict[str, str] = {}
+    if "verdicts" in plan.parts:
+        work = [j for name in held for j in _first_jobs(plan, name, held[name])]
+        results |= zip(work, run(work, "records diagnosed"), strict=True)
+        known = {(j.data_set, j.twin): row for j, row in results.items() if j.kind == "twin"}
+        best = {name: best_twin({t: known[name, t] for t in SEARCHED}) for name in held}
+        later = [j for name in held for j in _withheld_jobs(plan, name, best[name], known, held[name])]
+        results |= zip(later, run(later, "effects withheld"), strict=True)
+    if "closest" in plan.parts:
+        work = [j for name in held for j in _closest_jobs(plan, name, root)]
+        results |= zip(work, run(work, "closest twins"), strict=True)
     twins = {(j.data_set, j.twin): row for j, row in results.items() if j.kind == "twin"}
-    best = {name: best_twin({t: twins[name, t] for t in SEARCHED}) for name in held}
-    later = [j for name in held for j in _withheld_jobs(plan, name, best[name], twins, held[name])]
-    results |= dict(zip(later, run(later, "effects withheld"), strict=True))
     table: dict[str, Any] = {
         "schema": SCHEMA,
         "sets": [
@@ -133,6 +151,7 @@ def run_public(
         "injected": injected_rows(results),
         "nothing": nothing_rows(results),
         "single": single_rows(results),
+        "closest": closest_rows(results),
         "documented": [
             {"finding": d.finding, "recordings": list(d.recordings), "shows": d.shows, "source": d.source}
             for d in DOCUMENTED
@@ -169,11 +188,11 @@ def _digests(held: Mapping[str, PublicSet]) -> tuple[str, dict[str, str]]:
     import twingap.signal
     import twingap.twins
     from twingap.gap.knowledge import shipped_digest
-    from twingap.study import public_indicators, public_jobs, public_sets
+    from twingap.study import public_closest, public_indicators, public_jobs, public_sets
 
     code = digest_of_code(
-        twingap.effects, twingap.gap, twingap.identification, twingap.signal, twingap.twins, public_indicators,
-        public_jobs, public_sets,
+        twingap.effects, twingap.gap, twingap.identification, twingap.signal, twingap.twins, public_closest,
+        public_indicators, public_jobs, public_sets,
     )  # fmt: skip
     return code, {"learnt": shipped_digest(), **{name: own.records.digest for name, own in held.items()}}
 
@@ -239,6 +258,17 @@ def _withheld_jobs(
     return [
         PublicJob("withheld", name, twin, plan.seed, plan.pieces, effect, text) for effect in ("", *effects)
     ]  # fmt: skip
+
+
+def _closest_jobs(plan: Plan, name: str, root: str | None) -> list[PublicJob]:
+    """Every stated split with the whole catalogue, those by operating point also with detectors alone."""
+    stated = splits(public_set(name, root, plan.pieces, PIECE_S).records)
+    return [
+        PublicJob("closest", name, "bare", plan.seed, plan.pieces, split=place, detectors_alone=alone)
+        for alone in (False, True)
+        for place, split in enumerate(stated)
+        if not (alone and split.new_bearings)
+    ]
 
 
 # ---------------------------------------------------------------------------------------------------------------- rows
@@ -313,6 +343,15 @@ def nothing_rows(results: Mapping[PublicJob, Mapping[str, Any]]) -> list[dict[st
             row in diagnosed], "refused": [r["refused"] for r in rows if r["refused"]],
         })  # fmt: skip
     return out
+
+
+def closest_rows(results: Mapping[PublicJob, Mapping[str, Any]]) -> list[dict[str, Any]]:
+    """One row per closest twin."""
+    return [
+        {"set": j.data_set, "detectors_alone": j.detectors_alone, **row}
+        for j, row in results.items()
+        if j.kind == "closest"
+    ]
 
 
 def single_rows(results: Mapping[PublicJob, Mapping[str, Any]]) -> list[dict[str, Any]]:

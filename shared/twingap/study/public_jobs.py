@@ -35,11 +35,13 @@ from twingap.gap.report.advice import place_words
 from twingap.gap.report.model import ClosestTwin, GapReport, Metric
 from twingap.records import Record, RecordSet
 from twingap.streams import Streams
-from twingap.study.public_sets import bearing_of, halves, public_set
+from twingap.study.public_closest import PIECE_S as CLOSEST_S
+from twingap.study.public_closest import closest_row, splits
+from twingap.study.public_sets import PIECE_S, bearing_of, halves, public_set
 from twingap.twins.phenomenological import paper1_chain
 from twingap.twins.twin_file import TwinSpec
 
-Kind = Literal["twin", "withheld", "injected", "nothing", "recording", "looks"]
+Kind = Literal["twin", "withheld", "injected", "nothing", "recording", "looks", "closest"]
 ACCURACY: Final = "accuracy on the records"
 """Beginning of the name of the accuracy metric in the report: of a classifier trained on the twin alone."""
 TWINS: Final[Mapping[str, str]] = {
@@ -70,7 +72,8 @@ class PublicJob:
     kind : str
         "twin": records against a twin; "withheld": against the twin with the effects of `chain` except `effect`;
         "injected" and "nothing": one half of the records, with or without `effect` added, against the other half;
-        "recording": one recording against the others of its bearing; "looks": plain indicators of every recording.
+        "recording": one recording against the others of its bearing; "looks": plain indicators of every recording;
+        "closest": the closest twin of one part of the records, judged on the other.
     data_set : str
         Name of the data set.
     twin : str
@@ -83,9 +86,11 @@ class PublicJob:
     chain : str
         JSON: effect -> parameters, in addition to the twin's own.
     split : int
-        Number of the random halving.
+        Number of the random halving, or of the stated split (`public_closest.splits`).
     recording : str
         Name of the recording.
+    detectors_alone : bool
+        Whether the closest twin has effects with detectors alone.
     """
 
     kind: Kind
@@ -97,11 +102,14 @@ class PublicJob:
     chain: str = ""
     split: int = 0
     recording: str = ""
+    detectors_alone: bool = False
 
     @property
     def description(self) -> str:
         """Description of the job, for progress and errors."""
-        more = [self.effect or self.recording, f"split {self.split}" if self.kind in ("injected", "nothing") else ""]
+        has_split = self.kind in ("injected", "nothing", "closest")
+        more = [self.effect or self.recording, f"split {self.split}" if has_split else ""]
+        more += ["with detectors alone"] * self.detectors_alone
         return " ".join(filter(None, (self.kind, self.data_set, self.twin, *more)))
 
 
@@ -151,7 +159,7 @@ def run_job(job: PublicJob, root: str | None = None) -> dict[str, Any]:
     dict
         JSON values; ``refused`` holds the reason when there is no diagnosis.
     """
-    own = public_set(job.data_set, root, job.pieces)
+    own = public_set(job.data_set, root, job.pieces, CLOSEST_S if job.kind == "closest" else PIECE_S)
     rng = np.random.default_rng([job.seed, zlib.crc32(job.description.encode())])
     about = {"title": own.title, "real": own.real}
     if job.kind == "looks":
@@ -159,6 +167,9 @@ def run_job(job: PublicJob, root: str | None = None) -> dict[str, Any]:
 
         return {**about, "recordings": indicators(own.records, rng)}
     records, spec = own.records, twin_spec(job.twin, own.records)[0]
+    if job.kind == "closest":
+        split = splits(records)[job.split]
+        return {**about, **closest_row(records, spec, rng, split, detectors_alone=job.detectors_alone)}
     if job.kind in ("injected", "nothing"):
         return {**about, **_against_itself(job, records, spec, rng)}
     if job.kind == "recording":

@@ -1,6 +1,6 @@
 """Output of the study on public records: public.json and public.md.
 
-table of `run_public` --json--> public.json;  --tables--> public.md
+table of `run_public` --json--> public.json;  --tables, `closest_section`--> public.md
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from twingap import files
+from twingap.study.public_closest_report import closest_section
 from twingap.study.public_jobs import TWINS
 from twingap.study.tables import finite, grid
 
@@ -32,7 +33,6 @@ def markdown(table: Mapping[str, Any]) -> str:
     """The study on public records as Markdown tables."""
     about, titles = table["provenance"], {s["name"]: s["title"] for s in table["sets"]}
     plan, used = about["plan"], about["versions"]
-    injected = [r for r in table["injected"] if not r["refused"]]
     parts = [
         "# The gap diagnosis on public records",
         f"Command: `{about['command']}`, seed {plan['seed']}, twingap {used['twingap']}, code "
@@ -48,6 +48,16 @@ def markdown(table: Mapping[str, Any]) -> str:
         grid([
             {"set": s["title"], "recordings": len(s["recordings"]), "records": s["records"]} for s in table["sets"]
         ]),
+        *(_verdicts(table, titles) if table["twins"] else ()),
+        *(closest_section(table["closest"]) if table["closest"] else ()),
+    ]  # fmt: skip
+    return "\n\n".join(part for part in parts if part) + "\n"
+
+
+def _verdicts(table: Mapping[str, Any], titles: Mapping[str, str]) -> list[str]:
+    """Sections on verdicts: papers' twins, effects withheld and added, nothing added, single recordings."""
+    injected = [r for r in table["injected"] if not r["refused"]]
+    return [
         "## What each paper's twin lacks",
         "Accuracy: of a classifier that learns from the twin's records alone, on held-out real records, before and "
         "after the verdict's effects are added; in brackets, learning from other real records. Closest adds: "
@@ -89,7 +99,6 @@ def markdown(table: Mapping[str, Any]) -> str:
         "there, and what the load changes is one.",
         grid([_single(row) for row in table["single"]]),
     ]  # fmt: skip
-    return "\n\n".join(part for part in parts if part) + "\n"
 
 
 def twin_rows(table: Mapping[str, Any]) -> list[dict[str, str]]:

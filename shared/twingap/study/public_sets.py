@@ -35,7 +35,7 @@ class PublicSet:
     Parameters
     ----------
     records : RecordSet
-        Pieces of `PIECE_S`; group = recording.
+        Pieces of one length; group = recording.
     title : str
         Label of all results: "CWRU", or "virtual rig, not CWRU".
     real : bool
@@ -47,7 +47,7 @@ class PublicSet:
     real: bool
 
 
-def public_set(name: str, root: str | None, pieces: int) -> PublicSet:
+def public_set(name: str, root: str | None, pieces: int, piece_s: float = PIECE_S) -> PublicSet:
     """A public set, cut into pieces and in memory; a virtual rig where its records are not available.
 
     Parameters
@@ -58,17 +58,19 @@ def public_set(name: str, root: str | None, pieces: int) -> PublicSet:
         Data root; TWINGAP_DATA when None.
     pieces : int
         Pieces of each recording, evenly spaced.
+    piece_s : float
+        Length of a piece, s.
 
     Raises
     ------
     TwingapError
         When the records cannot be read, are not available and have no surrogate, or `root` is given without them.
     """
-    return _read(name, root, os.environ.get("TWINGAP_DATA"), pieces)
+    return _read(name, root, os.environ.get("TWINGAP_DATA"), pieces, piece_s)
 
 
 @lru_cache(maxsize=4)
-def _read(name: str, root: str | None, default_root: str | None, pieces: int) -> PublicSet:
+def _read(name: str, root: str | None, default_root: str | None, pieces: int, piece_s: float) -> PublicSet:
     """`public_set` with the default data root as an argument, since the cache depends on it."""
     try:
         records, title, real = load(name, root), name.upper().replace("_", "-"), True
@@ -77,13 +79,13 @@ def _read(name: str, root: str | None, default_root: str | None, pieces: int) ->
             raise
         records, real = load(SURROGATES[name]), False
         title = f"virtual rig, not {name.upper()}"
-    return PublicSet(_pieces(records, pieces), title, real)
+    return PublicSet(_pieces(records, pieces, piece_s), title, real)
 
 
-def _pieces(records: RecordSet, pieces: int) -> RecordSet:
+def _pieces(records: RecordSet, pieces: int, piece_s: float) -> RecordSet:
     """At most `pieces` pieces of every recording that is long enough for one."""
-    long = records.select(lambda c: c.duration_s >= PIECE_S and c.fault is not None)
-    every = cut(long, duration_s=PIECE_S)
+    long = records.select(lambda c: c.duration_s >= piece_s and c.fault is not None)
+    every = cut(long, duration_s=piece_s)
     places: dict[str, list[int]] = {}
     for place, condition in enumerate(every.conditions):
         places.setdefault(str(condition.group), []).append(place)

@@ -13,7 +13,7 @@ import pytest
 from twingap.bearing import BEARINGS
 from twingap.errors import TwingapError
 from twingap.identification.baseline import match_baseline, mode_density
-from twingap.identification.calibrate import calibrate, recalibrate, split_parts
+from twingap.identification.calibrate import calibrate, prepare, recalibrate, split_parts
 from twingap.identification.impact_band import mode_band
 from twingap.records import Condition, Record, RecordSet
 from twingap.twins.twin_file import TwinSpec, build_twin, flat
@@ -321,3 +321,23 @@ def test_records_of_a_fault_that_is_not_simulated_are_left_aside_and_simulated_o
     )
     with pytest.raises(TwingapError, match=r"simulated record .*all samples are equal"):
         calibrate(records, None, np.random.default_rng(0), sim=silent)
+
+
+def test_a_stated_split_is_kept() -> None:
+    records = machine(n=8)
+    names = {"r0", "r1", "r2", "r3", "r6"}
+    found = prepare(records, PLAIN, np.random.default_rng(0), fitted=lambda c: c.name in names)
+    assert {c.name for c in found.fit.conditions} == names
+    assert {c.name for c in found.held_out.conditions} == {"r4", "r5", "r7"}
+    assert found.shared == ()
+
+
+def test_a_stated_split_needs_records_on_both_sides_and_whole_groups() -> None:
+    records = machine(n=8)
+    for side in (True, False):
+        with pytest.raises(TwingapError, match="one part without records"):
+            prepare(records, PLAIN, np.random.default_rng(0), fitted=lambda c, side=side: side)  # type: ignore[misc]
+    together = [replace(r, condition=replace(r.condition, group="one")) for r in records]
+    grouped = RecordSet.from_records("grouped", "g", BEARINGS["6205"], together)
+    with pytest.raises(TwingapError, match="one in both parts"):
+        prepare(grouped, PLAIN, np.random.default_rng(0), fitted=lambda c: c.name == "r0")

@@ -322,7 +322,7 @@ def table(title: str, real: bool) -> dict[str, Any]:
         "schema": public.SCHEMA, "skipped": {"hit_sm": "not there"}, "best": {"cwru": "bare"}, "twins": [twin],
         "sets": [{"name": "cwru", "title": title, "real": real, "records": 2, "recordings": ["118"], "sha256": "0"}],
         "withheld": [], "injected": public.injected_rows(answers), "nothing": public.nothing_rows(answers),
-        "single": public.single_rows(answers), "documented": [],
+        "single": public.single_rows(answers), "documented": [], "closest": [],
         "provenance": {"command": "twingap study public", "plan": {"seed": 0, "pieces": 2},
                        "versions": {"twingap": "0"},
                        "code_sha256": "c" * 64, "data": {"learnt": "d" * 64}, "diagnoses": 4, "computed_s": 4.0,
@@ -440,6 +440,8 @@ def test_what_cannot_be_computed_or_written_is_refused_before_the_work(
     monkeypatch.setenv("TWINGAP_HOME", str(tmp_path / "home"))
     with pytest.raises(TwingapError, match="no data set 'hitsm'"):
         public.run_public(tmp_path / "out", public.Plan(("cwru", "hitsm")))
+    with pytest.raises(TwingapError, match="unknown part 'closer'"):
+        public.run_public(tmp_path / "out", public.Plan(("cwru",), parts=("closer",)))
     (tmp_path / "out").write_text("a file", encoding="utf-8")
     with pytest.raises(TwingapError, match="a folder expected"):
         public.run_public(tmp_path / "out", public.Plan(("cwru",)))
