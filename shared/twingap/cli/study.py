@@ -134,6 +134,7 @@ def public(
     """Diagnose public records: what each paper's twin lacks, effects withheld or added, single recordings; and judge
     the closest twin on recordings and bearings that it has not seen."""
     from twingap.study.public import Plan, run_public
+    from twingap.study.public_closest_report import closure_rows
     from twingap.study.public_report import twin_rows, write_public
     from twingap.study.runner import command_line
     from twingap.study.tracking import track_public
@@ -155,8 +156,11 @@ def public(
     paths = write_public(table, out)
     tracking.log(lambda tracker: track_public(tracker, table, paths))
     if json:
-        say_json(table["twins"])
+        say_json([*table["twins"], *table["closest"]])
     else:
-        show(twin_rows(table), False, "what each twin lacks")
+        if table["twins"]:
+            show(twin_rows(table), False, "what each twin lacks")
+        if table["closest"]:
+            show(closure_rows(table["closest"]), False, "what the closest twin closes")
         say(*(f"note: {name} is left out: {why}" for name, why in table["skipped"].items()))
     wrote(*paths, as_json=json)

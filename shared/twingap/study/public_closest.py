@@ -20,13 +20,13 @@ from twingap.effects import trainable
 from twingap.effects.by_state import unit_of
 from twingap.errors import TwingapError
 from twingap.gap.closest import ceiling
-from twingap.gap.distance.closure import Closure, closure, closure_interval, paired
+from twingap.gap.distance.closure import closure, closure_interval, paired
 from twingap.gap.distance.feature_vectors import FeatureVectors
 from twingap.gap.distance.paired import Paired
 from twingap.gap.held_out import HeldOut
 from twingap.gap.knowledge import shipped
 from twingap.gap.search.closest_twin import closest_spec, closest_twin
-from twingap.gap.search.effect_search import Explanation, explain
+from twingap.gap.search.effect_search import explain
 from twingap.gap.search.evidence import THOROUGH, Compared, Evidence, simulator_of
 from twingap.gap.search.free_spectra import by_of
 from twingap.identification.calibrate import Prepared, calibrate_prepared, prepare
@@ -174,31 +174,22 @@ def _judged(held_out: HeldOut, now: Compared, rng: np.random.Generator) -> dict[
     """Closures on the judged part: of the verdict's effects, the closest twin, its population, and real records."""
     found, count = held_out.found, held_out.fewer
     before = held_out.replicates(found.before.simulator, found.before.effects, count)
-    verdict = _verdict(found)
+    verdict = found.after if found.gap else found.before
     named = held_out.replicates(verdict.simulator, verdict.effects, count) if verdict.effects else before
     first, second = paired(held_out.real, before, named)
     scale, (floor, _) = first.scale, second.floor(rng)
     made = {"verdict": named, "closest": held_out.replicates(now.simulator, now.effects, count)}
-    if drawn := _population(held_out, now, held_out.part.conditions, held_out.grid, 2 * TAUGHT, rng):
+    if drawn := _population(held_out, now, held_out.part.conditions, 2 * TAUGHT, rng):
         made["population"] = drawn
     closed = {n: closure_interval(*paired(held_out.real, before, own, scale), floor, rng) for n, own in made.items()}
     by_bearing = {name: _by_bearing(held_out.real, before, own, floor) for name, own in made.items()}
     replayed = ceiling(held_out, before, floor)
     return {
         "named": list(found.names) if found.gap else [], "effects": [effect.name for effect in now.effects],
-        "by": by_of(now.effects), "gap": {"before": first_gap(closed), "floor": floor},
+        "by": by_of(now.effects), "gap": {"before": closed["verdict"].before, "floor": floor},
         "closure": {name: [one.closure, *one.ci] for name, one in closed.items()},
         "by_bearing": {**by_bearing, "same bearing": replayed.same_unit, "other bearings": replayed.other_unit},
     }  # fmt: skip
-
-
-def first_gap(closed: dict[str, Closure]) -> float:
-    """Gap of the twin as given."""
-    return next(iter(closed.values())).before
-
-
-def _verdict(found: Explanation) -> Compared:
-    return found.after if found.gap else found.before
 
 
 def _by_bearing(
@@ -218,7 +209,7 @@ def _by_bearing(
 
 
 def _population(
-    held_out: HeldOut, now: Compared, conditions: Sequence[Condition], grid: Any, count: int, rng: np.random.Generator
+    held_out: HeldOut, now: Compared, conditions: Sequence[Condition], count: int, rng: np.random.Generator
 ) -> list[FeatureVectors]:
     """Feature vectors of machines drawn from the closest twin's units; none where it has no values of several units."""
     spec, evidence = closest_spec(now), held_out.evidence
@@ -227,7 +218,7 @@ def _population(
     drawn = [one for _, one in machines(spec, count, rng)]
     simulators = [TwinSimulator(one, evidence.frame.bearing, evidence.calibrated.fit.unit) for one in drawn]
     return [
-        evidence.vectors(evidence.simulated(simulator, (), conditions, _FIRST_TAUGHT + k), grid)
+        evidence.vectors(evidence.simulated(simulator, (), conditions, _FIRST_TAUGHT + k), held_out.grid)
         for k, simulator in enumerate(simulators)
     ]
 
@@ -244,7 +235,7 @@ def _taught(held_out: HeldOut, now: Compared, rng: np.random.Generator) -> dict[
 
     real = [held_out.fit_vectors]
     taught = {"bare": made(before), "closest": made(now)}
-    if drawn := _population(held_out, now, conditions, held_out.grid, TAUGHT, rng):
+    if drawn := _population(held_out, now, conditions, TAUGHT, rng):
         taught["population"] = drawn
     seed = int(rng.integers(2**31))
     out = {name: recognised([own], held_out.real, seed) for name, own in taught.items()}

@@ -55,6 +55,17 @@ def closest_section(rows: Sequence[Row]) -> list[str]:
     ]
 
 
+def closure_rows(rows: Sequence[Row]) -> list[dict[str, str]]:
+    """One row of text per split and catalogue: what the closest twin closes."""
+    return [
+        {
+            "set": row["title"], "split": row["split_by"], "catalogue": _catalogue(row),
+            "closest closes": row["refused"] or _with_interval(row["closure"]["closest"]),
+        }
+        for row in rows
+    ]  # fmt: skip
+
+
 def _title(row: Row) -> str:
     return f"{row['title']}, {row['split_by']}"
 

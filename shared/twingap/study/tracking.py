@@ -84,6 +84,11 @@ def track_public(tracker: Tracker, table: Mapping[str, Any], files: Files = ()) 
                 inner.metrics({name: row.get(name) for name in ("p_value", "closure", "seconds")})
                 for measure in ("gap", "accuracy"):
                     inner.metrics({f"{when}/{measure}": value for when, value in (row.get(measure) or {}).items()})
+        for row in table["closest"]:
+            with run.run(f"{row['set']} · closest · {row['split_by']}", {"kind": "closest twin"}) as inner:
+                inner.parameters({name: row[name] for name in ("set", "split_by", "detectors_alone", "refused")})
+                inner.metrics({f"closure/{name}": own[0] for name, own in row.get("closure", {}).items()})
+                inner.metrics({f"accuracy/{name}": own for name, own in row.get("accuracy", {}).items()})
 
 
 def _scores(rows: Sequence[Mapping[str, Any]]) -> dict[str, float | None]:

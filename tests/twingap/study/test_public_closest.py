@@ -18,7 +18,7 @@ from twingap.records import Condition, Record, RecordSet
 from twingap.rigs import make_rig
 from twingap.study import public_closest
 from twingap.study.public_closest import Split, recognised, splits
-from twingap.study.public_closest_report import closest_section
+from twingap.study.public_closest_report import closest_section, closure_rows
 from twingap.twins.phenomenological import PhenomenologicalParameters, PhenomenologicalTwin
 from twingap.twins.twin_file import TwinSpec
 
@@ -177,9 +177,10 @@ def test_the_section_shows_closures_their_means_and_accuracies() -> None:
         row("0 and 2 hp fitted, 1 and 3 judged", new=False, closest=0.5, population=None, other=0.2),
         row("a left out", new=True, closest=0.1, population=0.3, other=0.2),
         row("b left out", new=True, closest=0.2, population=0.5, other=0.1),
-        {"title": "HIT-SM", "split_by": "c left out", "new_bearings": True, "refused": "why"},
+        {"title": "HIT-SM", "split_by": "c left out", "new_bearings": True, "detectors_alone": False, "refused": "why"},
     ]
     page = "\n".join(closest_section(rows))
+    assert [one["closest closes"] for one in closure_rows(rows)][::3] == ["0.50 (0.40 to 0.60)", "why"]
     assert "0.50 (0.40 to 0.60)" in page and "Not found: HIT-SM, c left out (why)." in page
     (mean,) = (line for line in page.splitlines() if "| mean |" in line)
     assert [cell.strip() for cell in mean.split("|")[3:-1]] == ["0.05", "0.15", "0.40", "0.15"]
