@@ -12,6 +12,7 @@ from twingap.bearing import BEARINGS
 from twingap.effects import catalogue, make_effect, trainable
 from twingap.effects.by_state import unit_of
 from twingap.gap.distance.feature_vectors import FeatureVectors
+from twingap.gap.search import evidence
 from twingap.gap.search.evidence import Evidence, simulator_of
 from twingap.identification.calibrate import calibrate, prepare
 from twingap.records import Condition, Record, RecordSet
@@ -75,7 +76,7 @@ def test_one_operating_point_and_one_bearing_of_each_fault_have_no_split() -> No
 
 
 def machine(louder: float = 1.0) -> RecordSet:
-    """Two bearings of each fault at two speeds, in a housing with a second mode; the faster records `louder`."""
+    """Healthy records and two bearings at two speeds, in a housing with a second mode; the faster records `louder`."""
     made: list[Record] = []
     for unit in range(2):
         chain = (
@@ -87,7 +88,7 @@ def machine(louder: float = 1.0) -> RecordSet:
                 f"{fault}{unit}-{speed}-{piece}", float(speed), 8000.0, 6000, fault, group=f"{fault}{unit}-{speed}",
                 extra={"bearing_id": "healthy" if fault == "healthy" else f"{fault}{unit}"},
             )
-            for fault in ("healthy", "inner", "outer") for speed in (1500, 1800) for piece in range(3)
+            for fault in ("healthy", "inner") for speed in (1500, 1800) for piece in range(3)
         ]  # fmt: skip
         made += PhenomenologicalTwin(BEARINGS["6205"], OWN, chain).simulate(conditions, np.random.default_rng(unit))
     gained = [Record(r.condition, r.samples * (louder if r.condition.speed_rpm > 1600 else 1.0)) for r in made]
@@ -95,8 +96,10 @@ def machine(louder: float = 1.0) -> RecordSet:
 
 
 @pytest.mark.slow
-@pytest.mark.usefixtures("few_trials")
-def test_the_closest_twin_sees_the_fitted_records_alone_and_closes_the_gap_of_the_others() -> None:
+def test_the_closest_twin_sees_the_fitted_records_alone_and_closes_the_gap_of_the_others(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(evidence, "TRIALS", (6, 6))
     found = []
     for louder in (1.0, 10.0):
         records, rng = machine(louder), np.random.default_rng(0)
@@ -107,8 +110,7 @@ def test_the_closest_twin_sees_the_fitted_records_alone_and_closes_the_gap_of_th
     (held_out, now, rng), (_, again, _) = found
     assert again.effects == now.effects, "the loud records were judged"
     row = public_closest._judged(held_out, now, rng)
-    assert row["closure"]["closest"][0] > 0.6
-    assert row["closure"]["closest"][0] >= row["closure"]["verdict"][0] - 0.05
+    assert 0.7 < row["closure"]["closest"][0] < 1.3
     assert 0.6 < row["by_bearing"]["same bearing"] <= 1.0
     assert ("population" in row["closure"]) == (row["by"] == "unit")
     accuracy = public_closest._taught(held_out, now, rng)
