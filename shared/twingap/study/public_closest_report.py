@@ -40,7 +40,11 @@ def closest_section(rows: Sequence[Row]) -> list[str]:
         "bearing.",
         "### Unseen recordings of the same bearings",
         grid([_by_recording(row) for row in recordings]),
-        *(f"- {_title(row)}, {_catalogue(row)}: {', '.join(row['effects']) or 'none'}" for row in recordings),
+        "Effects of the closest twins:",
+        "\n".join(
+            f"- {row['title']}, {row['split_by']}, {_catalogue(row)}: {', '.join(row['effects']) or 'none'}"
+            for row in recordings
+        ),
         "### Unseen bearings",
         "One bearing of every fault is left out at a time; healthy records are fitted and not judged. All closures are "
         "by bearing.",
@@ -64,10 +68,6 @@ def closure_rows(rows: Sequence[Row]) -> list[dict[str, str]]:
         }
         for row in rows
     ]  # fmt: skip
-
-
-def _title(row: Row) -> str:
-    return f"{row['title']}, {row['split_by']}"
 
 
 def _catalogue(row: Row) -> str:
@@ -106,7 +106,7 @@ def _means(rows: Sequence[Row]) -> list[dict[str, str]]:
         out.append(
             {
                 "set": title,
-                "split": "mean",
+                "split": f"mean of {len(own)}",
                 **means,
                 "other bearings, real": _mean([by["other bearings"] for by in own]),
             }
