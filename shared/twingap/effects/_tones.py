@@ -14,8 +14,8 @@ from twingap.effects.angle import harmonics
 from twingap.effects.base import Effect
 from twingap.effects.draft import Draft
 from twingap.effects.machine import Machine
-from twingap.records import Record
-from twingap.signal.record_transforms import tone_power
+from twingap.records import Condition, Record
+from twingap.signal.record_transforms import tone_spectrum
 
 Array = NDArray[np.float64]
 Reals = NDArray[np.floating[Any]]
@@ -28,15 +28,23 @@ _LOBE: Final = 2
 _FAR: Final = 20
 """Bins on either side of a line from which the noise beside it is estimated."""
 _BESIDE: Final = 4.0
-"""Bins within which a harmonic of the shaft is beside a line. A larger value leaves out more records."""
-_CLEAR: Final = 30.0
-"""Power of a line's highest bin over the median beside it from which it is clear. A larger value misses weak lines."""
-_FEWEST: Final = 3
+"""Bins within which a harmonic of the shaft is beside a line. A larger value fits it where it is no matter."""
+RESOLVED: Final = 1.5
+"""Bins from which the two are resolved. A smaller value takes a strong harmonic for a weak line."""
+_SPEED_BINS: Final = np.linspace(-0.4, 0.4, 9)
+"""Bins by which the harmonic may lie beside its place, as speeds have errors. Larger ones fit other lines."""
+_CLEAR_OF_SHAFT: Final = 6.0
+"""Largest mean power, over the median beside, that the fit of both may leave. A larger value fits lines that move."""
+_CLEAR: Final = 10.0
+"""Power of a line's highest bin over the median beside it from which it is clear: noise reaches it in one of 200
+records, and in most of them never. A larger value misses weak lines."""
+FEWEST: Final = 3
 """Smallest number of records that show a common line."""
 _IN_MOST: Final = 0.75
 """Part of the records in which it is clear. A smaller value allows lines of some records."""
 _ALIKE: Final = 0.1
-"""Largest median deviation of its amplitudes, relative. A larger value allows lines that change between records."""
+"""Largest median deviation of its amplitudes, relative, beside that of noise. A larger value allows lines that change
+between records."""
 
 
 def add_harmonics(draft: Draft, turns: Array, base_hz: float, levels: Reals, phases_turns: Reals) -> None:
@@ -49,32 +57,80 @@ def add_harmonics(draft: Draft, turns: Array, base_hz: float, levels: Reals, pha
 def common_levels(records: Iterable[Record], frequencies_hz: Array) -> Array:
     """[frequencies] Amplitudes of lines at fixed frequencies that records have in common, in their unit; 0 without one.
 
-    Records in which a harmonic of the shaft lies beside a line are left out for that line.
+    A harmonic of the shaft near a line is fitted together with it; records that do not resolve the two are left out for
+    that line.
     """
     levels: list[list[float]] = [[] for _ in frequencies_hz]
+    noises: list[list[float]] = [[] for _ in frequencies_hz]
     clear = np.zeros(frequencies_hz.size)
     for record in records:
         c = record.condition
-        bin_hz, shaft_hz = c.fs_hz / c.n_samples, c.speed_rpm / 60
-        power = tone_power(np.asarray(record.samples, float))
+        bin_hz = c.fs_hz / c.n_samples
+        spectrum = tone_spectrum(np.asarray(record.samples, float))
+        power = np.square(np.abs(spectrum))
         for number, frequency_hz in enumerate(frequencies_hz):
-            place, turns = round(float(frequency_hz) / bin_hz), float(frequency_hz) / shaft_hz
-            inside = _FAR < place < power.size - _FAR - 1
-            if not inside or abs(turns - round(turns)) * shaft_hz < _BESIDE * bin_hz:
+            place = round(float(frequency_hz) / bin_hz)
+            apart = _bins_to_shaft(float(frequency_hz), c)
+            if not _FAR < place < power.size - _FAR - 1 or abs(apart) < RESOLVED:
                 continue
             near = power[place - _LOBE : place + _LOBE + 1]
             beside = power[place - _FAR : place - _LOBE], power[place + _LOBE + 1 : place + _FAR + 1]
             floor = float(np.median(np.concatenate(beside)))
-            clear[number] += near.max() > _CLEAR * floor
-            # The main lobe of a Hann window holds 1.5 times the power of its middle bin.
-            squared = 2 * (float(near.sum()) - near.size * floor / math.log(2)) / 1.5
+            if abs(apart) < _BESIDE:
+                highest, rest = _beside_shaft(spectrum, float(frequency_hz) / bin_hz, apart)
+                if rest > _CLEAR_OF_SHAFT * floor:  # another line, or one that moves
+                    continue
+                squared = 2 * highest
+            else:
+                highest = float(near.max())
+                # The main lobe of a Hann window holds 1.5 times the power of its middle bin.
+                squared = 2 * (float(near.sum()) - near.size * floor / math.log(2)) / 1.5
+            clear[number] += highest > _CLEAR * floor
             levels[number].append(math.sqrt(max(squared, 0.0)))
+            # Noise of a bin's power has the mean floor / log 2; half of it is in phase with the line.
+            noises[number].append(math.sqrt(floor / math.log(2)))
     out = np.zeros(frequencies_hz.size)
     for number, own in enumerate(levels):
-        if len(own) >= _FEWEST and clear[number] >= _IN_MOST * len(own):
+        if len(own) >= FEWEST and clear[number] >= _IN_MOST * len(own):
             level = float(np.median(own))
-            out[number] = level if np.median(np.abs(np.array(own) - level)) < _ALIKE * level else 0.0
+            alike = math.hypot(_ALIKE * level, float(np.median(noises[number])))
+            out[number] = level if np.median(np.abs(np.array(own) - level)) < alike else 0.0
     return out
+
+
+def resolved_from_shaft(frequency_hz: float, condition: Condition) -> bool:
+    """Whether records of a condition resolve a line from the multiples of shaft speed."""
+    return abs(_bins_to_shaft(frequency_hz, condition)) >= RESOLVED
+
+
+def _bins_to_shaft(frequency_hz: float, condition: Condition) -> float:
+    """Bins from a frequency to the nearest multiple of shaft speed, negative below it."""
+    shaft_hz, bin_hz = condition.speed_rpm / 60, condition.fs_hz / condition.n_samples
+    return (max(round(frequency_hz / shaft_hz), 1) * shaft_hz - frequency_hz) / bin_hz
+
+
+def _beside_shaft(spectrum: NDArray[np.complex128], place: float, apart: float) -> tuple[float, float]:
+    """Power of a line, and mean power that is left, where a harmonic of the shaft is fitted with it.
+
+    The line lies at `place` bins, the harmonic `apart` bins from it, or a little beside, as speeds are known.
+    """
+    first = round(place + min(apart, 0.0)) - _LOBE
+    bins = np.arange(first, round(place + max(apart, 0.0)) + _LOBE + 1)
+    wanted = spectrum[bins]
+    best = (math.inf, 0.0)
+    for shift in _SPEED_BINS:
+        basis = hann_lobe(bins[:, None] - place - np.array([0.0, apart + shift]))
+        found = np.linalg.lstsq(basis, wanted, rcond=None)[0]
+        rest = float(np.mean(np.square(np.abs(wanted - basis @ found))))
+        best = min(best, (rest, float(np.abs(found[0]) ** 2)))
+    return best[1], best[0]
+
+
+def hann_lobe(bins: Array) -> NDArray[np.complex128]:
+    """Hann spectrum, 1 at the middle, of a line this many bins below (not more than a few), for a long record."""
+    turns = np.exp(1j * np.pi * -bins)
+    near = [np.sinc(bins + shift) * (1.0 if shift == 0 else 0.5) for shift in (-1, 0, 1)]
+    return np.asarray(turns * sum(near))
 
 
 def uneven_factors(rng: np.random.Generator) -> Array:

@@ -39,6 +39,7 @@ class BackgroundSpectrum(Effect):
     look_alikes: ClassVar[tuple[str, ...]] = ("coloured_noise", "transfer_path", "distributed_roughness")
     deciding_measurement: ClassVar[str] = measurements.BACKGROUND
     trained: ClassVar[bool] = False
+    measured: ClassVar[bool] = True
 
     level: float = parameter(
         1.0, unit="", plausible=(0.05, 2.0), allowed=(0, 100.0), log=True, strength=True, searched=False,

@@ -40,7 +40,7 @@ if TYPE_CHECKING:
     from twingap.effects.draft import Draft
     from twingap.effects.machine import Machine
     from twingap.effects.observations import Observations
-    from twingap.records import Record
+    from twingap.records import Condition, Record
 
 RelativeTo = Literal["", "rate", "run", "speed"]
 
@@ -190,6 +190,11 @@ class Effect(ABC):
     trained : bool
         Whether a detector and estimators are trained for it. An effect of the catalogue without them is a part of the
         closest twin alone, where its group is shown if leaving it out widens the gap significantly.
+    measured : bool
+        Whether its profiles are measured from spectra of records and twin (`gap.search.free_spectra`).
+    irregular_impacts : tuple of Mapping
+        Kinds of irregular impacts that it makes, alone or with others: effects, by name, with their values. With each,
+        the closest twin's path and background are measured.
     """
 
     stage: ClassVar[Stage]
@@ -204,6 +209,8 @@ class Effect(ABC):
     by_chance: ClassVar[bool] = False
     inherent_in: ClassVar[tuple[str, ...]] = ()
     trained: ClassVar[bool] = True
+    measured: ClassVar[bool] = False
+    irregular_impacts: ClassVar[tuple[Mapping[str, Mapping[str, float]], ...]] = ()
 
     def __init_subclass__(cls, **more: Any) -> None:
         super().__init_subclass__(**more)
@@ -272,6 +279,11 @@ class Effect(ABC):
             By parameter; those in units of the healthy rms in the unit of the records.
         """
         return {}
+
+    @classmethod
+    def not_read_off(cls, conditions: Sequence[Condition]) -> str:
+        """Why records of these conditions cannot show such values, and what to record instead; "" where they can."""
+        return ""
 
     def initial_values(self, seen: Observations) -> Iterator[Effect]:
         """Further initial values of a search for the effect's values, besides this estimate.

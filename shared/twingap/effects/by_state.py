@@ -76,6 +76,10 @@ class ByState(Effect):
         return self.base.by_chance
 
     @property
+    def measured(self) -> bool:  # type: ignore[override]
+        return self.base.measured
+
+    @property
     def name(self) -> str:
         return self.base.name
 

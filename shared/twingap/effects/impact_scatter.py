@@ -42,6 +42,7 @@ class ImpactScatter(FaultEffect):
     deciding_measurement: ClassVar[str] = measurements.LONGER
     features: ClassVar[tuple[str, ...]] = STRENGTH
     draw_weight: ClassVar[float] = 1.6
+    irregular_impacts: ClassVar[tuple[Mapping[str, Mapping[str, float]], ...]] = ({"impact_scatter": {"sigma": 0.1}},)
 
     sigma: float = parameter(
         0.2, unit="", plausible=(0.02, 1.0), allowed=(0, 5.0), log=True, strength=True,

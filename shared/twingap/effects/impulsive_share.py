@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar, Final
 
@@ -36,6 +37,7 @@ class ImpulsiveShare(FaultEffect):
     look_alikes: ClassVar[tuple[str, ...]] = ("impact_scatter", "slip_jitter", "distributed_roughness")
     deciding_measurement: ClassVar[str] = measurements.LONGER
     trained: ClassVar[bool] = False
+    irregular_impacts: ClassVar[tuple[Mapping[str, Mapping[str, float]], ...]] = ({"impulsive_share": {"share": 0.15}},)
 
     share: float = parameter(
         0.5, unit="", plausible=(0.05, 0.95), allowed=(0, 1), strength=True, doc="part of the energy in the burst"

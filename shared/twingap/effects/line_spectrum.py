@@ -40,6 +40,7 @@ class LineSpectrum(Effect):
     look_alikes: ClassVar[tuple[str, ...]] = ("mains_interference", "drive_interference", "gear_mesh", "looseness")
     deciding_measurement: ClassVar[str] = measurements.OTHER_SPEED
     trained: ClassVar[bool] = False
+    measured: ClassVar[bool] = True
 
     level: float = parameter(
         1.0, unit="", plausible=(0.05, 2.0), allowed=(0, 100.0), log=True, strength=True, searched=False,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import ClassVar, Final
 
@@ -12,13 +12,21 @@ from numpy.typing import NDArray
 from twingap.effects import measurements
 from twingap.effects._features import TONES
 from twingap.effects._references import RANDALL_BOOK
-from twingap.effects._tones import UnevenHarmonics, add_harmonics, common_levels, uneven_factors
+from twingap.effects._tones import (
+    FEWEST,
+    RESOLVED,
+    UnevenHarmonics,
+    add_harmonics,
+    common_levels,
+    resolved_from_shaft,
+    uneven_factors,
+)
 from twingap.effects.base import Effect, Stage, parameter
 from twingap.effects.draft import Draft
 from twingap.effects.drawing import tone_level
 from twingap.effects.machine import Machine
 from twingap.effects.registry import register
-from twingap.records import Record
+from twingap.records import Condition, Record
 
 Array = NDArray[np.float64]
 
@@ -97,6 +105,19 @@ class MainsInterference(Effect):
                 return {}
         # How many harmonics there are is searched: the weak ones do not stand out.
         return {"level": level, "mains_hz": mains_hz}
+
+    @classmethod
+    def not_read_off(cls, conditions: Sequence[Condition]) -> str:
+        """Where too few records resolve 50 and 60 Hz from the multiples of shaft speed."""
+        for mains_hz in (50.0, 60.0):
+            kept = sum(resolved_from_shaft(mains_hz, c) for c in conditions)
+            if kept < min(FEWEST, len(conditions)):
+                return (
+                    f"in {len(conditions) - kept} of {len(conditions)} records a multiple of shaft speed lies within "
+                    f"{RESOLVED:g} resolution bins of {mains_hz:g} Hz, so that its level and that of the shaft's line "
+                    "cannot be told apart; record longer, or at another speed"
+                )
+        return ""
 
     def variant(self, machine: Machine, rng: np.random.Generator) -> Effect:
         factors, values = uneven_factors(rng), self.parameter_values()

@@ -33,9 +33,11 @@ __all__ = [
     "catalogue",
     "effect_name",
     "in_order",
+    "irregular_impacts",
     "load_effects",
     "look_alikes",
     "make_effect",
+    "measured_from_spectra",
     "register",
     "trainable",
 ]
@@ -111,6 +113,17 @@ def _in_order_of_stages(kinds: tuple[tuple[str, type[Effect]], ...]) -> Mapping[
 def trainable() -> dict[str, type[Effect]]:
     """The effects of the catalogue for which detectors and estimators are trained."""
     return {name: kind for name, kind in catalogue().items() if kind.trained}
+
+
+def measured_from_spectra() -> tuple[str, ...]:
+    """Names of the effects whose profiles are measured from spectra, in the order of the catalogue."""
+    return tuple(name for name, kind in catalogue().items() if kind.measured)
+
+
+def irregular_impacts() -> tuple[Mapping[str, Mapping[str, float]], ...]:
+    """Kinds of irregular impacts that effects of the catalogue make, those of fewest effects first."""
+    kinds = (one for kind in catalogue().values() for one in kind.irregular_impacts)
+    return tuple(sorted(kinds, key=lambda one: (len(one), sorted(one))))
 
 
 def look_alikes(name: str) -> tuple[str, ...]:

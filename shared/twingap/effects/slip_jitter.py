@@ -47,6 +47,10 @@ class SlipJitter(FaultEffect):
     deciding_measurement: ClassVar[str] = measurements.TACHO
     features: ClassVar[tuple[str, ...]] = TIMING
     draw_weight: ClassVar[float] = 1.6
+    irregular_impacts: ClassVar[tuple[Mapping[str, Mapping[str, float]], ...]] = (
+        {"slip_jitter": {"sigma": 0.01}},
+        {"slip_jitter": {"sigma": 0.01}, "impact_scatter": {"sigma": 0.2}},
+    )
 
     sigma: float = parameter(
         0.02, unit="impact spacings", plausible=(0.002, 0.1), allowed=(0, 0.5), log=True, strength=True,

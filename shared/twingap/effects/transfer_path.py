@@ -16,6 +16,7 @@ from twingap.effects import measurements
 from twingap.effects._filtering import fast_length, filtered
 from twingap.effects._references import RANDALL_ANTONI
 from twingap.effects.base import Effect, Stage, parameter, profile
+from twingap.effects.by_state import ByState
 from twingap.effects.draft import Draft
 from twingap.effects.impact_train import train_of
 from twingap.effects.modes import LEAD
@@ -50,6 +51,7 @@ class TransferPath(Effect):
     look_alikes: ClassVar[tuple[str, ...]] = ("second_resonance", "sensor_rolloff", "coloured_noise")
     deciding_measurement: ClassVar[str] = measurements.HAMMER
     trained: ClassVar[bool] = False
+    measured: ClassVar[bool] = True
 
     depth: float = parameter(
         1.0, unit="", plausible=(0.05, 1.5), allowed=(0, 3.0), strength=True, searched=False,
@@ -96,6 +98,12 @@ class TransferPath(Effect):
                 x, sign * minimum_phase(fast_length(x.size), fs_hz, self.frequencies_hz, self.gains_db, self.depth)
             )
         )
+
+
+def passed_by_all_samples(path: Effect | None) -> bool:
+    """Whether a path is a filter of whole waveforms."""
+    plain = path.base if isinstance(path, ByState) else path
+    return isinstance(plain, TransferPath) and plain.all_samples
 
 
 def check_places(effect: Effect, places: tuple[float, ...], values: tuple[float, ...], name: str) -> None:

@@ -200,6 +200,9 @@ def _diagnosed(
     found, exchange_notes = _significant(found, closed, tests, located.places)
     notes += exchange_notes
     held_out.found = found
+    for name in found.names if found.gap else ():
+        if not evidence.read_off(name) and (why := catalogue()[name].not_read_off(calibrated.fit.conditions)):
+            notes.append(f"{name} could not be read off the records: {why}")
     progress("candidates", 0.8)
     candidates = tuple(held_out.candidates(learnt, floor, rng, lambda part: progress("candidates", 0.8 + 0.18 * part)))
     second = Paired(held_out.real, after)

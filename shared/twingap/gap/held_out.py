@@ -25,7 +25,6 @@ from twingap.gap.knowledge.learnt import Learnt
 from twingap.gap.report.model import Candidate, ParameterValue
 from twingap.gap.search.effect_search import Estimated, Explanation, estimate
 from twingap.gap.search.evidence import Compared, Evidence, replicates_of
-from twingap.gap.search.measured_effects import ASKED
 from twingap.records import Condition
 from twingap.twins.simulator import Simulator
 
@@ -99,7 +98,7 @@ class HeldOut:
         named = {one.effect.name: one for one in found.effects}
         # Baselines are matched in the same way without and with an effect, so that only effects differ. What was
         # measured from spectra is relative to the baseline, which stays then.
-        fixed = any(name in ASKED for name in named)
+        fixed = any(one.effect.measured for one in named.values())
         after = found.after if fixed else self.evidence.against(found.after.effects)
         base = self._pair(after)
         gap = float(base[1].over_domains(base[1].squares())[0][0])

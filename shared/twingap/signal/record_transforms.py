@@ -220,6 +220,11 @@ def tone_power(x: Array) -> Array:
     return _tone_power(scipy.fft.rfft(windowed), x.size)
 
 
+def tone_spectrum(x: Array) -> NDArray[np.complex128]:
+    """[n // 2 + 1] Hann spectrum whose squared magnitude is `tone_power`."""
+    return np.asarray(scipy.fft.rfft((x - x.mean()) * _hann(x.size)) * (math.sqrt(8) / x.size))
+
+
 def _tone_power(spectrum: NDArray[np.complex128], size: int) -> Array:
     power = spectrum.real**2
     power += spectrum.imag**2

@@ -335,3 +335,22 @@ def test_estimates_are_told_what_kind_of_number_each_parameter_is() -> None:
     }  # fmt: skip
     assert all(about["unit"] == "Hz" for about in kinds.values() if about["relative_to"] == "rate")
     assert not kinds["speed_fluctuation", "bandwidth_hz"]["relative_to"]
+
+
+def test_effects_state_what_is_measured_of_them_and_which_impacts_they_make(own: None) -> None:
+    assert registry.measured_from_spectra() == ("transfer_path", "line_spectrum", "background_spectrum")
+    assert all(catalogue()[name].profiles() for name in registry.measured_from_spectra())
+
+    @register
+    @dataclass(frozen=True)
+    class Rattle(SlipJitter):
+        """Impacts at random moments."""
+
+        irregular_impacts: ClassVar[Any] = ({"rattle": {"sigma": 0.2}},)
+
+    kinds = registry.irregular_impacts()
+    assert {"rattle": {"sigma": 0.2}} in kinds
+    assert [len(kind) for kind in kinds] == sorted(len(kind) for kind in kinds)
+    for kind in kinds:
+        for name, values in kind.items():
+            assert make_effect(name, values).stage is Stage.EXCITATION

@@ -16,11 +16,12 @@ from typing import Final
 
 from twingap.effects import Effect, Stage, catalogue, make_effect
 from twingap.effects.by_state import unit_of
+from twingap.effects.registry import irregular_impacts, measured_from_spectra
 from twingap.errors import TwingapError
 from twingap.gap.knowledge.learnt import Learnt
 from twingap.gap.search.effect_search import Explanation, estimate
 from twingap.gap.search.evidence import Compared, Evidence
-from twingap.gap.search.free_spectra import BACKGROUND, LINES, MEASURED, PATH, By, by_fault_or_all, measured
+from twingap.gap.search.free_spectra import BACKGROUND, LINES, PATH, By, by_fault_or_all, measured
 from twingap.gap.search.initial_values import observations
 from twingap.gap.search.joint import fitted_together
 from twingap.gap.search.optimise import optimise, validation_distance
@@ -39,13 +40,6 @@ SIMPLER: Final = 0.97
 of what chance made is kept."""
 _JOINT: Final = (60, 160)
 """Smallest and largest number of trials of the joint search. More fit values better and take longer."""
-_RANDOM_IMPACTS: Final[tuple[dict[str, dict[str, float]], ...]] = (
-    {"impact_scatter": {"sigma": 0.1}},
-    {"slip_jitter": {"sigma": 0.01}},
-    {"impulsive_share": {"share": 0.15}},
-    {"slip_jitter": {"sigma": 0.01}, "impact_scatter": {"sigma": 0.2}},
-)
-"""Random impacts with which path and background are measured. More take longer and fit more kinds of machines."""
 OWN_WORTH: Final = 0.93
 """Factor on the misfit that spectra by fault have to reach where records are few, and spectra of all faults where
 they are enough. Closer to 1, chance decides more often."""
@@ -116,8 +110,9 @@ def closest_twin(
         left = evidence.gap(best.simulator, best.effects, _OTHER)
         if left < WORTH * least:
             now, least = best, left
-    known = tuple(name for name in MEASURED if name in {*now.names, LINES})
-    now = _with_spectra(evidence, now, (known, MEASURED), now.by)
+    every = measured_from_spectra()
+    known = tuple(name for name in every if name in {*now.names, LINES})
+    now = _with_spectra(evidence, now, (known, every), now.by)
     stages = [start, now]
     more = "effects that bring it closer"
     for effect in _ranked(evidence, now, found, learnt, lambda part: progress(more, 0.05 + 0.4 * part)):
@@ -136,8 +131,8 @@ def closest_twin(
     now = _Twin(*joint, now.by)
     local = optimise(evidence, now.simulator, now.effects, learnt.errors, passes=2)
     now = _Twin(local.simulator, local.effects, evidence.misfit(local.simulator, local.effects), now.by)
-    spectra = tuple(name for name in MEASURED if name in now.names)
-    stages.append(_with_spectra(evidence, now, (spectra, (*spectra, LINES), MEASURED), now.by))
+    spectra = tuple(name for name in every if name in now.names)
+    stages.append(_with_spectra(evidence, now, (spectra, (*spectra, LINES), every), now.by))
     # What was fitted to chance is farther from other simulations of all records; the simplest of equals is kept.
     best, least = start, validation_distance(evidence, start.simulator, start.effects)
     for one in stages[1:]:
@@ -169,7 +164,7 @@ def _rhythms(evidence: Evidence, start: _Twin, found: Explanation) -> Iterator[_
     Strictly regular impacts are lines, irregular ones lie between: without the right kind, no path fits the spectra.
     """
     yield start
-    for names in _RANDOM_IMPACTS:
+    for names in irregular_impacts():
         more = tuple(make_effect(name, values) for name, values in names.items() if name not in start.names)
         out = {*evidence.modelled, *found.cannot}
         able = all(one.name not in out and evidence.can_add(one.name) is None and evidence.fits(one) for one in more)
@@ -211,7 +206,7 @@ def _with_units(evidence: Evidence, now: _Twin, left: float, learnt: Learnt) -> 
 def _without_idle(evidence: Evidence, now: _Twin) -> _Twin:
     """The twin without effects that keep it apart from the records, such as a mode at a place that the path has now."""
     for effect in now.effects:
-        if effect.name in MEASURED:
+        if effect.measured:
             continue
         kept = tuple(other for other in now.effects if other.name != effect.name)
         tried = _made(evidence, now, kept, moved=effect.stage <= Stage.PATH)
@@ -244,7 +239,7 @@ def _ranked(
     Those on the excitation, which change what is measured of the path, are tried first: with large records or a contact
     twin the number of trials is small.
     """
-    out = {*evidence.modelled, *found.cannot, *now.names, *MEASURED}
+    out = {*evidence.modelled, *found.cannot, *now.names, *measured_from_spectra()}
     known = catalogue()
     names = [n for n in known if n not in out and _possible(n, found) and evidence.can_add(n) is None]
     names.sort(key=lambda name: catalogue()[name].stage is not Stage.EXCITATION)

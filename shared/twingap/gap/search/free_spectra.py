@@ -26,6 +26,7 @@ from scipy.stats import norm
 
 from twingap.effects import BackgroundSpectrum, Effect, LineSpectrum, TransferPath
 from twingap.effects.by_state import ByState, State, by_state, of_state, unit_of
+from twingap.effects.transfer_path import passed_by_all_samples
 from twingap.identification.calibrate import thinned
 from twingap.records import Condition, Record, RecordSet
 from twingap.signal.record_transforms import SMOOTH_SEGMENTS, RecordTransforms, band_medians
@@ -43,10 +44,11 @@ By = Literal["all", "fault", "unit"]
 PATH: Final = "transfer_path"
 BACKGROUND: Final = "background_spectrum"
 LINES: Final = "line_spectrum"
-MEASURED: Final = (PATH, BACKGROUND, LINES)
-"""Effects whose profiles are measured here."""
-_BANDS: Final = 120
-"""Bands of the spectra. More resolve sharper modes, each with more noise."""
+_EVEN_BANDS: Final = 120
+"""Bands of equal width of the spectra. More resolve sharper modes, each with more noise."""
+_LOW_BANDS: Final = (0.25, 0.5)
+"""Where the lowest of them is parted, in parts of its width: noise of machines falls by far within it."""
+_BANDS: Final = _EVEN_BANDS + len(_LOW_BANDS)
 ROUNDS: Final = 4
 """Simulations by which path and background are corrected. More reduce what structure noise and clipping leave."""
 _LEAST_EXCESS: Final = 0.05
@@ -108,7 +110,7 @@ def measured(
     effects : sequence of Effect
         Effects of the twin; those that are measured are measured anew, path and background from where they are.
     names : collection of str
-        Which of `MEASURED` to add.
+        Which of transfer path, background and lines to add.
     rounds : int
         Simulations by which path and background are corrected.
     by : {"all", "fault", "unit"}
@@ -163,12 +165,6 @@ def measured(
     return None if chain == kept else (simulator, chain)
 
 
-def passed_by_all_samples(path: Effect | None) -> bool:
-    """Whether a path is a filter of whole waveforms."""
-    plain = path.base if isinstance(path, ByState) else path
-    return isinstance(plain, TransferPath) and plain.all_samples
-
-
 def by_of(effects: Iterable[Effect]) -> By:
     """Whose records have values of their own in these effects."""
     own = [effect for effect in effects if isinstance(effect, ByState)]
@@ -210,7 +206,9 @@ class Spectra:
         self.evidence, self.by_unit = evidence, by_unit
         self.records = evidence.shortened(_of_units(evidence)) if by_unit else evidence.trial_records
         self.top_hz = min(c.fs_hz for c in self.records.conditions) / 2
-        self.middles_hz = (np.arange(_BANDS) + 0.5) * (self.top_hz / _BANDS)
+        places = np.array([0.0, *_LOW_BANDS, *range(1, _EVEN_BANDS + 1)])
+        self.edges_hz = places * (self.top_hz / _EVEN_BANDS)
+        self.middles_hz = 0.5 * (self.edges_hz[:-1] + self.edges_hz[1:])
         self.real = self.of(self.records)
 
     @cached_property
@@ -239,7 +237,7 @@ class Spectra:
 
     def _banded(self, power: Array, fs_hz: float) -> Array:
         """[bands] Log mean in each band of a spectrum that covers 0 to half the sampling rate evenly."""
-        edges = np.round(np.arange(_BANDS + 1) * (self.top_hz / _BANDS) * power.size / (fs_hz / 2)).astype(int)
+        edges = np.round(self.edges_hz * (power.size / (fs_hz / 2))).astype(int)
         starts = np.minimum(edges[:-1], power.size - 1)
         stop = max(min(int(edges[-1]), power.size), int(starts[-1]) + 1)
         sums = np.add.reduceat(power[:stop], starts)
@@ -273,8 +271,7 @@ def _path_steps(
             continue
         real, own = _excess(spectra.real, state), _excess(made, state)
         # Bands without impacts say nothing of the path.
-        weight = np.minimum(*(np.maximum(e - of[state].all - math.log(_LEAST_EXCESS), 0.0) for e, of in
-                              ((real, spectra.real), (own, made)))) + 1e-4  # fmt: skip
+        weight = np.minimum(_shown(spectra.real, state, real), _shown(made, state, own)) + 1e-4
         off = np.clip(real - own, -_LARGEST_STEP, _LARGEST_STEP)
         if has_levels:
             # A gain common to all bands belongs to the impacts, which may differ between faults.
@@ -310,6 +307,11 @@ def _excess(of: Mapping[State, StateLevels], state: State) -> Array:
     faulty, healthy = np.exp(of[state].all), of.get(State("healthy", state.unit), of.get(_HEALTHY))
     background = 0.0 if healthy is None else np.exp(np.minimum(healthy.between, of[state].between))
     return np.asarray(np.log(np.maximum(faulty - background, _LEAST_EXCESS * faulty)))
+
+
+def _shown(of: Mapping[State, StateLevels], state: State, excess: Array) -> Array:
+    """[bands] Weight of impacts: log of their part of the power over the smallest that counts, 0 below."""
+    return np.asarray(np.maximum(excess - of[state].all - math.log(_LEAST_EXCESS), 0.0))
 
 
 def _with(

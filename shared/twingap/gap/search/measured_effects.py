@@ -14,7 +14,8 @@ from typing import Final
 
 import numpy as np
 
-from twingap.effects.registry import look_alikes
+from twingap.effects.registry import look_alikes, measured_from_spectra
+from twingap.effects.transfer_path import passed_by_all_samples
 from twingap.gap.distance.feature_vectors import FeatureVectors
 from twingap.gap.distance.grid import Grid
 from twingap.gap.distance.paired import Paired
@@ -22,20 +23,15 @@ from twingap.gap.search import unlearnt
 from twingap.gap.search.effect_search import ALPHA_REST, Estimated, Explanation
 from twingap.gap.search.evidence import Compared, Evidence, replicates_of
 from twingap.gap.search.free_spectra import (
-    BACKGROUND,
-    LINES,
     PATH,
     Chain,
     by_fault_or_all,
     measured,
-    passed_by_all_samples,
 )
 from twingap.gap.search.optimise import validation_distance
 from twingap.gap.search.sign_flips import p_of_gain
 from twingap.twins.simulator import Simulator
 
-ASKED: Final = (PATH, LINES, BACKGROUND)
-"""In this order: what the path explains is no background."""
 LEVEL: Final = 0.01
 """Level of the test for each. A larger value names more of them."""
 LEAST: Final = 0.15
@@ -59,7 +55,8 @@ def with_measured(evidence: Evidence, found: Explanation) -> Explanation:
     found : Explanation
         Of effects with detectors.
     """
-    names = [name for name in ASKED if evidence.can_add(name) is None]
+    # In the order of the catalogue: what the path explains is no background.
+    names = [name for name in measured_from_spectra() if evidence.can_add(name) is None]
     if not found.gap or not names or (found.effects and found.rest_p > ALPHA_REST):
         return found
     bare = validation_distance(evidence, found.before.simulator, ())

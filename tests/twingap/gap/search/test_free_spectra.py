@@ -11,8 +11,9 @@ import pytest
 from twingap.bearing import BEARINGS
 from twingap.effects import Effect, make_effect
 from twingap.effects.by_state import ByState, State, of_state
+from twingap.effects.registry import measured_from_spectra
 from twingap.gap.search.evidence import Evidence, simulator_of
-from twingap.gap.search.free_spectra import BACKGROUND, LINES, MEASURED, PATH, By, by_of, measured
+from twingap.gap.search.free_spectra import BACKGROUND, LINES, PATH, By, by_of, measured
 from twingap.identification.calibrate import calibrate
 from twingap.records import Condition, RecordSet
 from twingap.twins.phenomenological import PhenomenologicalParameters, PhenomenologicalTwin
@@ -111,8 +112,8 @@ def test_each_fault_has_its_own_where_bearings_differ() -> None:
         },
     )  # fmt: skip
     evidence = evidence_of(up)
-    shared, _ = closes(evidence, MEASURED)
-    own, found = closes(evidence, MEASURED, by="fault")
+    shared, _ = closes(evidence, measured_from_spectra())
+    own, found = closes(evidence, measured_from_spectra(), by="fault")
     assert own < 0.8 * shared
     path = found[PATH]
     assert isinstance(path, ByState)
@@ -155,3 +156,11 @@ def test_lines_that_the_twin_has_are_not_found_again() -> None:
     bare = evidence.against().simulator
     assert measured(evidence, bare, (), (LINES,)) is not None
     assert measured(evidence, bare, (hum,), (LINES,)) is None
+
+
+def test_noise_that_falls_within_the_lowest_band_is_followed() -> None:
+    noise = make_effect("coloured_noise", {"level": 9.0, "slope": 2.0, "low_hz": 0.5, "high_hz": 4000.0})
+    _, found = closes(evidence_of(noise), (BACKGROUND,))
+    at = np.array([8.0, 15.0, 30.0])
+    density = np.interp(at, found[BACKGROUND].frequencies_hz, found[BACKGROUND].densities_db)
+    assert density[0] - density[2] > 6.0
