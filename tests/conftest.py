@@ -3,6 +3,7 @@
 import os
 import shutil
 import signal
+import sys
 import threading
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -17,6 +18,14 @@ if threading.current_thread() is threading.main_thread() and signal.getsignal(si
 
 # Small trainings on many threads wait for each other for minutes where several workers share the cores.
 os.environ.setdefault("OMP_NUM_THREADS", "1")
+
+
+@pytest.fixture(autouse=True)
+def one_thread() -> Iterator[None]:
+    """Threads of torch and scikit-learn as stated above after each test: numba's kernels set those of their library."""
+    yield
+    if (torch := sys.modules.get("torch")) is not None and os.environ.get("OMP_NUM_THREADS") == "1":
+        torch.set_num_threads(1)
 
 
 @pytest.fixture(scope="session")

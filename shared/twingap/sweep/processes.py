@@ -33,7 +33,11 @@ def limited_threads(threads: int) -> Iterator[None]:
     names = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")  # read when a library is loaded
     before = {name: os.environ.get(name) for name in names}
     torch, numba = sys.modules.get("torch"), sys.modules.get("numba")
-    torch_before = joblib.cpu_count(only_physical_cores=True) if torch is None else torch.get_num_threads()
+    if torch is not None:
+        torch_before = torch.get_num_threads()
+    else:  # as torch chooses when it is loaded
+        stated = before["OMP_NUM_THREADS"] or ""
+        torch_before = int(stated) if stated.isdigit() else joblib.cpu_count(only_physical_cores=True)
     numba_before = None if numba is None else numba.get_num_threads()
     os.environ.update(dict.fromkeys(names, str(threads)))
     try:
