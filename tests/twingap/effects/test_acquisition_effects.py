@@ -89,6 +89,13 @@ def test_no_gap_is_read_off_a_rail_or_a_coarse_converter(lab: Any, other: Any) -
     assert not Dropout.read_off(of(lab, other), of(lab, count=2))
 
 
+def test_slow_vibration_on_a_rail_is_no_gap(lab: Any) -> None:
+    slow = lab.where(parameters=replace(lab.parameters, resonance_hz=150.0, white_noise_rms=0.01))
+    clipped = of(slow, Clipping(rail=7.8))
+    assert min(repeats(record.samples) for record in clipped) > 50
+    assert not Dropout.read_off(clipped, of(slow, count=2))
+
+
 @pytest.mark.parametrize("step", [0.03, 0.25, 2.0])
 def test_a_step_is_read_off_the_records(lab: Any, step: float) -> None:
     bare, coarse = of(lab, count=2), Quantisation(step=step)

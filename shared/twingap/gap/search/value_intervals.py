@@ -73,10 +73,10 @@ def _shortened(evidence: Evidence, found: Explanation, one: Estimated, effect: E
             except TwingapError:
                 bounds.append(end)
                 continue
-            inside, steps = fitted, 0
             if out != fitted and ruled_out(parameter, out):
-                while steps < _STEPS:
-                    middle, steps = 0.5 * (inside + out), steps + 1
+                inside = fitted
+                for _ in range(_STEPS):
+                    middle = 0.5 * (inside + out)
                     inside, out = (inside, middle) if ruled_out(parameter, middle) else (middle, out)
                 end = to_value(effect.name, parameter, out, evidence.setting)
             bounds.append(end)
