@@ -52,6 +52,9 @@ def blind(
             show_default="1500, or 5 per world where that is less",
         ),
     ] = None,
+    closest: Annotated[
+        bool, typer.Option("--closest", help="Seek the closest twin too, as `twingap gap` does without --quick.")
+    ] = False,
     track: Track = True,
     tracking_uri: TrackingUri = None,
     json: Json = False,
@@ -71,6 +74,7 @@ def blind(
             seed,
             training_count=min(1500, 5 * cases) if rivals is None else rivals,
             permutations=0 if rivals == 0 else PERMUTATIONS,
+            closest=closest,
             jobs=jobs,
             backend=backend.value,
             address=address,

@@ -85,7 +85,7 @@ def slowest_again(
     for world in worlds[:count]:
         case, before = by_name[world["was"]["case"]], world["found"]
         blind = blinded(make_world(case, about["seed"]))
-        again = worker.timed_diagnosis(blind, worker.root_of(case, about["seed"]), diagnose)
+        again = worker.timed_diagnosis(blind, worker.root_of(case, about["seed"]), diagnose, bool(about.get("closest")))
         effects = () if again["report"] is None else found_in(again["report"]).effects
         out.append(Timed(case.name, before["runtime_s"], again["seconds"], list(effects) == list(before["effects"])))
     return out

@@ -92,6 +92,7 @@ def run_study(
     training_count: int = 1000,
     rivals: Sequence[Rival] | None = None,
     permutations: int = PERMUTATIONS,
+    closest: bool = False,
     jobs: int | None = None,
     backend: str = "loky",
     address: str | None = None,
@@ -119,6 +120,8 @@ def run_study(
         None = `default_rivals()`.
     permutations : int
         Permutations of the rivals' two-sample test; with fewer than 19 it can never claim a gap, with 0 no rival runs.
+    closest : bool
+        Whether the diagnosis also seeks the closest twin, which takes about twice as long.
     jobs, backend, address
         Where to run; see `twingap.sweep.backends.open_pool`.
     command : str
@@ -149,7 +152,17 @@ def run_study(
     sealed = _seal(folder, cases, seed, code, where, progress)
     learnt_from = learnt_digest(diagnose)
     diagnoses = _diagnosed(
-        folder, cases, seed, sealed, diagnose, prepare, permutations, {**code, "learnt": learnt_from}, where, progress
+        folder,
+        cases,
+        seed,
+        sealed,
+        diagnose,
+        prepare,
+        permutations,
+        closest,
+        {**code, "learnt": learnt_from},
+        where,
+        progress,
     )
     found = {DIAGNOSIS: [_found(d) for d in diagnoses]}
     if permutations:
@@ -169,7 +182,7 @@ def run_study(
         "seed": seed, "cases": len(cases), "command": command, "versions": versions(), "code_sha256": code,
         "sealed_with": sealed["code_sha256"], "learnt_sha256": learnt_from,
         "frozen": sealed["code_sha256"]["diagnosis"] == code["diagnosis"],
-        "training_worlds_of_rivals": training_count if learnt else 0, "rivals_skipped": skipped,
+        "closest": closest, "training_worlds_of_rivals": training_count if learnt else 0, "rivals_skipped": skipped,
         "diagnosis_s": sum(d["seconds"] for d in diagnoses), "runtime_s": time.perf_counter() - begin,
     }  # fmt: skip
     return Study(_table(rows, diagnoses, provenance), rows)
@@ -245,11 +258,12 @@ def _resumed(held: Path, identity: Mapping[str, Any]) -> dict[str, Any]:
 
 def _diagnosed(
     folder: Path, cases: Sequence[Case], seed: int, sealed: Mapping[str, Any], diagnose: worker.Diagnose,
-    prepare: worker.Prepare, permutations: int, code: Mapping[str, str], where: Where, progress: Progress,
+    prepare: worker.Prepare, permutations: int, closest: bool, code: Mapping[str, str], where: Where,
+    progress: Progress,
 ) -> list[dict[str, Any]]:  # fmt: skip
     return _sweep(
         functools.partial(worker.diagnose_world, diagnose=diagnose, prepare=prepare),
-        [worker.DiagnoseJob(c, seed, sealed["worlds"][c.name]["records_sha256"], permutations) for c in cases],
+        [worker.DiagnoseJob(c, seed, sealed["worlds"][c.name]["records_sha256"], permutations, closest) for c in cases],
         folder / "work" / "diagnoses",
         digest_of(worker.diagnose_world, "blind", "rivals", "statistics", "worker"),
         {**code, "prepare": digest_of(prepare)},

@@ -14,6 +14,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from twingap.gap.report.grouped_sets import group_of
 from twingap.study.intervals import of_median, of_rate
 from twingap.study.verdicts import CATALOGUED, KINDS, PLAIN, RICH, UNCATALOGUED, Row, of_kind
 
@@ -162,6 +163,11 @@ def covered(row: Row) -> bool:
     return frozenset(row.was.effects) in row.found.covers
 
 
+def group_covered(row: Row) -> bool:
+    """Whether the confidence set by groups contains the groups of the true set."""
+    return frozenset(map(group_of, row.was.effects)) in row.found.groups
+
+
 def headline(rows: Sequence[Row]) -> list[Score]:
     """Scores with targets, in the order of the tables."""
     none, single = of_kind(rows, "none"), of_kind(rows, "single")
@@ -173,7 +179,9 @@ def headline(rows: Sequence[Row]) -> list[Score]:
     several = [r for r in of_kind(rows, *CATALOGUED) if r.found.confidence_set is not None]
     known = of_kind(rows, *CATALOGUED)
     size = lambda r: float(len(r.found.covers))  # noqa: E731
+    groups = lambda r: float(len(r.found.groups))  # noqa: E731
     rich = _headline_of_rich(rows) if of_kind(rows, *RICH) else []
+    closest = [r for r in known if r.found.closest is not None]
     return [
         false,
         Score("false alarms, upper bound", "none", false.high, false.low, false.high, false.n, false.k,
@@ -184,15 +192,38 @@ def headline(rows: Sequence[Row]) -> list[Score]:
         mean("size of confidence set", "single, medium or strong", map(size, with_set), Target(2.0, at_least=False)),
         rate("confidence set covers", "single, pair, crowd", map(covered, several), Target(0.90)),
         mean("size of confidence set", "single, pair, crowd", map(size, several), Target(2.0, at_least=False)),
+        rate("confidence set by groups covers", "single, pair, crowd", map(group_covered, several), Target(0.90)),
+        mean("size of confidence set by groups", "single, pair, crowd", map(groups, several),
+             Target(4.0, at_least=False)),
         rate("exact set", "pair", map(exact, pairs), Target(0.70)),
         precision(crowds, "crowd", Target(0.90)),
         recall(crowds, "crowd", Target(0.75)),
         rate("outside recognised", "outside, outside_plus", (r.found.outside for r in outside), Target(0.80)),
+        *statuses_told_apart(known, outside),
         median("closure over true closure", "single, pair, crowd", map(closure_ratio, known), Target(0.90)),
         median("closure over what the twin can close", "single, pair, crowd", map(closable_ratio, known), Target(0.90)),
+        *([median("closest twin's closure over true closure", "single, pair, crowd", map(closest_ratio, closest),
+                  Target(0.85))] if closest else []),
         largest("runtime, s", "all", (_or_nan(r.found.runtime_s) for r in rows), Target(60.0, at_least=False)),
         largest("peak memory, MB", "all", (_or_nan(r.found.peak_mb) for r in rows), Target(2048.0, at_least=False)),
         *rich,
+    ]  # fmt: skip
+
+
+def statuses_told_apart(known: Sequence[Row], outside: Sequence[Row]) -> list[Score]:
+    """How well the status tells worlds of catalogued effects alone from those with others, of worlds called a gap."""
+    explained = lambda r: r.found.status == "explained"  # noqa: E731
+    named, gaps = [r for r in known if r.found.gap and exact(r)], [r for r in known if r.found.gap]
+    inside = rate("explained", "single, pair, crowd, called a gap", map(explained, gaps))
+    beyond = rate("not explained", "outside, outside_plus, called a gap",
+                  (not explained(r) for r in outside if r.found.gap))  # fmt: skip
+    value = (inside.value + beyond.value) / 2
+    half = 0.98 * math.sqrt(sum(s.value * (1 - s.value) / s.n if s.n else math.nan for s in (inside, beyond)))
+    return [
+        rate("explained", "single, pair, crowd, named exactly", map(explained, named), Target(0.80)),
+        inside, beyond,
+        Score("balanced accuracy of the status", "the two above", value, value - half, value + half,
+              inside.n + beyond.n, None, Target(0.85)),
     ]  # fmt: skip
 
 
@@ -297,6 +328,13 @@ def closure_ratio(row: Row) -> float:
     if not row.found.effects:
         return 0.0
     return math.nan if row.found.closure is None else min(row.found.closure, 1.0) / min(row.was.closure, 1.0)
+
+
+def closest_ratio(row: Row) -> float:
+    """Closure of the closest twin over that of the true effects, as `closure_ratio`."""
+    if row.was.closure is None or row.was.closure < LEAST_CLOSURE or row.found.closest is None:
+        return math.nan
+    return min(row.found.closest, 1.0) / min(row.was.closure, 1.0)
 
 
 def closable_ratio(row: Row) -> float:

@@ -12,6 +12,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+from twingap.gap.report.grouped_sets import group_of
+
 CATALOGUED = ("single", "pair", "crowd")
 UNCATALOGUED = ("outside", "outside_plus")
 PLAIN = ("none", *CATALOGUED, *UNCATALOGUED)
@@ -42,6 +44,9 @@ class Found:
         Effect -> parameter -> value, unit, ci; of the named effects.
     closure : float or None
         Closure of the verdict, dimensionless.
+    closest : float or None
+        Closure of the closest twin, with the effects of the verdict and all others that bring it closer; None where
+        it was not sought.
     gaps : (float, float, float) or None
         Gap over all domains before and after, and its floor, in standard deviations.
     runtime_s, peak_mb : float or None
@@ -55,6 +60,7 @@ class Found:
     p_value: float | None = None
     parameters: Mapping[str, Mapping[str, Mapping[str, Any]]] = field(default_factory=dict)
     closure: float | None = None
+    closest: float | None = None
     gaps: tuple[float, float, float] | None = None
     runtime_s: float | None = None
     peak_mb: float | None = None
@@ -78,6 +84,11 @@ class Found:
     def covers(self) -> tuple[frozenset[str], ...]:
         """Members of the confidence set, as sets."""
         return tuple(frozenset(s) for s in self.confidence_set or ())
+
+    @property
+    def groups(self) -> frozenset[frozenset[str]]:
+        """The confidence set by groups, as the report lists it: groups of the effects of each member."""
+        return frozenset(frozenset(map(group_of, effects)) for effects in self.covers)
 
 
 @dataclass(frozen=True)
@@ -161,6 +172,7 @@ def found_in(report: Mapping[str, Any], runtime_s: float | None = None, peak_mb:
         p_value=float(verdict["p_value"]),
         parameters={c["effect"]: c.get("parameters") or {} for c in report["which"] if c["effect"] in named},
         closure=_closure(report),
+        closest=_closest(report),
         gaps=_gaps(report),
         runtime_s=runtime_s,
         peak_mb=peak_mb,
@@ -183,6 +195,13 @@ def _closure(report: Mapping[str, Any]) -> float | None:
         return float(stated)
     before, after, floor = _gaps(report) or (0.0, 0.0, 0.0)
     return (before - after) / (before - floor) if abs(before - floor) > 1e-12 else None
+
+
+def _closest(report: Mapping[str, Any]) -> float | None:
+    """Closure of the closest twin; 0 where there is no gap to close, None where the diagnosis was a quick one."""
+    if report.get("provenance", {}).get("quick", True):
+        return None
+    return float((report.get("closest") or {}).get("closure", 0.0))
 
 
 def of_kind(rows: Sequence[Row], *kinds: str) -> list[Row]:

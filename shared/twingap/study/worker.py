@@ -63,12 +63,15 @@ class DiagnoseJob:
         Digest of the records when the world was sealed.
     permutations : int
         Permutations of the rivals' two-sample test; 0 leaves all rivals out.
+    closest : bool
+        Whether the diagnosis also seeks the closest twin.
     """
 
     case: Case
     seed: int
     records_sha256: str
     permutations: int
+    closest: bool = False
 
 
 @dataclass(frozen=True)
@@ -125,7 +128,7 @@ def diagnose_world(job: DiagnoseJob, diagnose: Diagnose, prepare: Prepare) -> di
     blind = blinded(world)
     del world
     root = root_of(job.case, job.seed)
-    return timed_diagnosis(blind, root, diagnose) | _for_rivals(blind, prepare, root, job.permutations)
+    return timed_diagnosis(blind, root, diagnose, job.closest) | _for_rivals(blind, prepare, root, job.permutations)
 
 
 def root_of(case: Case, seed: int) -> list[int]:
@@ -133,13 +136,13 @@ def root_of(case: Case, seed: int) -> list[int]:
     return [seed, zlib.crc32(case.name.encode())]
 
 
-def timed_diagnosis(blind: Blind, root: Sequence[int], diagnose: Diagnose) -> dict[str, Any]:
+def timed_diagnosis(blind: Blind, root: Sequence[int], diagnose: Diagnose, closest: bool = False) -> dict[str, Any]:
     """Diagnosis of a blind world with its runtime and memory: report, refused, seconds, peak_mb."""
     report, refused = None, ""
     with Usage() as used:
         try:
             rng = np.random.default_rng([*root, 0])
-            report = report_of(diagnose(blind.records, blind.twin, seed=rng, sim=blind.sim, quick=True))
+            report = report_of(diagnose(blind.records, blind.twin, seed=rng, sim=blind.sim, quick=not closest))
         except TwingapError as error:
             refused = str(error)
     return {"report": report, "refused": refused, "seconds": used.seconds, "peak_mb": used.peak_mb}

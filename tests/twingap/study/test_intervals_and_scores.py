@@ -78,6 +78,11 @@ def test_headline_counts() -> None:
         ("precision", "crowd"): (3, 4),
         ("recall", "crowd"): (3, 7),
         ("outside recognised", "outside, outside_plus"): (2, 3),
+        # A world whose set is of one group holds every other effect of it; a refused or silent one holds what it says.
+        ("confidence set by groups covers", "single, pair, crowd"): (6, 9),
+        ("explained", "single, pair, crowd, named exactly"): (4, 4),
+        ("explained", "single, pair, crowd, called a gap"): (8, 8),
+        ("not explained", "outside, outside_plus, called a gap"): (2, 3),
     }
     assert {key: (found[key].k, found[key].n) for key in counts} == counts
     assert found["false alarms", "none"].met is True
@@ -86,6 +91,20 @@ def test_headline_counts() -> None:
     assert found["size of confidence set", "single, medium or strong"].value == pytest.approx(1.25)
     assert [s["kind"] for s in scores.statuses(rows)] == ["none", "single", "pair", "crowd", "outside", "outside_plus"]
     assert sum(s["worlds"] for s in scores.statuses(rows)) == len(rows)
+
+
+def test_balanced_accuracy_of_the_status_is_of_gaps_alone() -> None:
+    rows = [
+        *[row("single", ("clipping",), ("clipping",))] * 3,
+        row("single", ("clipping",), ("dropout",), "partly_explained"),
+        row("single", ("clipping",), (), "no_gap"),
+        row("outside", (), (), "unexplained"),
+        row("outside", (), ("a",), "explained"),
+        row("outside", (), (), "no_gap"),
+    ]
+    score = by_name(scores.headline(rows))["balanced accuracy of the status", "the two above"]
+    assert score.value == pytest.approx((3 / 4 + 1 / 2) / 2) and score.n == 6 and score.met is False
+    assert score.low < score.value < score.high
 
 
 def test_rich_worlds_have_scores_of_their_own() -> None:
@@ -178,6 +197,16 @@ def test_by_effect_counts_alone_and_in_company() -> None:
     assert table["clipping", "medium", "detected"] == (1, 2)
     assert table["clipping", "medium", "found in company"] == (0, 1)
     assert table["dropout", "medium", "found in company"] == (1, 1)
+
+
+def test_the_closest_twin_counts_also_where_nothing_is_named() -> None:
+    one = row("single", ("clipping",), (), "unexplained", closest=0.6)
+    one = replace(one, was=replace(one.was, closure=0.8))
+    assert scores.closest_ratio(one) == pytest.approx(0.75) and scores.closure_ratio(one) == 0.0
+    assert math.isnan(scores.closest_ratio(replace(one, found=replace(one.found, closest=None))))
+    assert scores.closest_ratio(replace(one, found=replace(one.found, closest=1.4))) == pytest.approx(1 / 0.8)
+    headline = by_name(scores.headline([one]))
+    assert headline["closest twin's closure over true closure", "single, pair, crowd"].value == pytest.approx(0.75)
 
 
 def test_closable_ratio_asks_no_more_than_the_twin_can_close() -> None:

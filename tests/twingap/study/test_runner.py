@@ -123,6 +123,17 @@ def test_the_search_for_truth_would_find_it() -> None:
     assert not standins.suspicious(blind.records, spec, seed=rng)["verdict"]["effects"]
 
 
+def test_the_closest_twin_is_sought_where_it_is_asked_for(tmp_path: Path) -> None:
+    study = run_study(
+        tmp_path, CASES[1:2], 3, diagnose=standins.closing, prepare=standins.noisy_copy, permutations=0,
+        training_count=0, closest=True, jobs=1,
+    )  # fmt: skip
+    (row,) = study.rows["diagnosis"]
+    assert row.found.closest == pytest.approx(0.8) and study.table["provenance"]["closest"]
+    (score,) = (s for s in study.table["scores"] if s["score"].startswith("closest twin's closure"))
+    assert row.was.closure is not None and score["value"] == pytest.approx(0.8 / min(row.was.closure, 1.0))
+
+
 def test_blind_records_are_the_same_samples_under_other_names() -> None:
     world = make_world(CASES[2], 3)
     blind = blinded(world)

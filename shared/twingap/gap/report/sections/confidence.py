@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Final
 
-from twingap.gap.report.advice import undecided
+from twingap.gap.report.grouped_sets import GroupedSet, by_groups
 from twingap.gap.report.model import GapReport, count_words, listed
 from twingap.gap.report.sections.parts import Items, Section
 
@@ -29,7 +29,14 @@ def section(report: GapReport, figures: Mapping[str, str]) -> Section | None:
     text += "the true one is among them nine times of ten, effects too faint for records like these not counted. "
     if sure := [effect for effect in sets[0] if all(effect in s for s in sets)]:
         text += f"All of them hold {listed(sure)}. "
-    if open_ones := undecided(report):
-        few, others = open_ones[:_SHOWN], len(open_ones) - _SHOWN
-        text += f"Left open: {listed([*few, f'{others} others'] if others > 0 else few, 'or')}."
-    return Section(_TITLE, text, (Items(words, ordered=True, shown=_SHOWN, more="less probable ones"),))
+    grouped = by_groups(sets, {c.effect: c.probability for c in report.candidates})
+    if len(grouped) == len(sets):
+        return Section(_TITLE, text, (Items(words, ordered=True, shown=_SHOWN, more="less probable ones"),))
+    text += f"They come down to {count_words(len(grouped))}, effects that stand in for each other taken together:"
+    short = Items([_words(one, none) for one in grouped], ordered=True, shown=_SHOWN, more="less probable ones")
+    return Section(_TITLE, text, (short, Items(words, ordered=True, shown=0, more="explanations one by one")))
+
+
+def _words(one: GroupedSet, none: str) -> str:
+    """An explanation by groups in words."""
+    return "; ".join(map(str, one.choices)) or none

@@ -1,0 +1,112 @@
+"""Confidence set by groups: many explanations as a few, each a choice among effects that stand in for each other.
+
+((a, b), (a, c), (a,)) --groups--> a and one or more of b, c (group); a alone
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Literal, NamedTuple
+
+from twingap.effects import catalogue
+from twingap.gap.report.model import listed
+
+
+class Choice(NamedTuple):
+    """Members of a group in an explanation.
+
+    Parameters
+    ----------
+    group : str
+        An effect without a group is one of its own.
+    effects : tuple of str
+    how : {"all", "some", "perhaps"}
+        Which of the effects are missing: all of them, one or more, or any or none.
+    """
+
+    group: str
+    effects: tuple[str, ...]
+    how: Literal["all", "some", "perhaps"]
+
+    def __str__(self) -> str:
+        if self.how == "all":
+            return listed(self.effects)
+        words = listed(self.effects, "or")
+        return f"perhaps {words}" if self.how == "perhaps" else f"one or more of {self.group} ({words})"
+
+
+class GroupedSet(NamedTuple):
+    """Explanations that hold effects of the same groups.
+
+    Parameters
+    ----------
+    choices : tuple of Choice
+        Empty for "no effect".
+    count : int
+        Number of explanations.
+    weight : float
+        Their part of the confidence set's probability.
+    """
+
+    choices: tuple[Choice, ...]
+    count: int
+    weight: float
+
+
+def by_groups(sets: Sequence[Sequence[str]], probability: Mapping[str, float]) -> tuple[GroupedSet, ...]:
+    """The explanations of a confidence set, those with effects of the same groups taken together.
+
+    Parameters
+    ----------
+    sets : sequence of sets of effects
+        The most probable first.
+    probability : Mapping[str, float]
+        Probability that each effect is missing, which weights the explanations; 0.5 where absent.
+
+    Returns
+    -------
+    tuple of GroupedSet
+        The most probable first.
+    """
+    open_ = {name for one in sets for name in one if not all(name in other for other in sets)}
+    together: dict[frozenset[str], list[tuple[frozenset[str], float]]] = {}
+    for one in sets:
+        factors = (_bounded(probability.get(n, 0.5)) if n in one else 1 - _bounded(probability.get(n, 0.5))
+                   for n in open_)  # fmt: skip
+        together.setdefault(frozenset(map(group_of, one)), []).append((frozenset(one), math.prod(factors)))
+    total = sum(weight for own in together.values() for _, weight in own)
+    order = list(dict.fromkeys(name for one in sets for name in one))
+    out = [
+        GroupedSet(_choices([one for one, _ in own], order), len(own), sum(weight for _, weight in own) / total)
+        for own in together.values()
+    ]
+    return tuple(sorted(out, key=lambda one: -one.weight))
+
+
+def group_of(name: str) -> str:
+    """Group of an effect; its own name where it has none."""
+    known = catalogue().get(name)
+    return (known.group if known is not None else "") or name
+
+
+def _choices(sets: Sequence[frozenset[str]], order: Sequence[str]) -> tuple[Choice, ...]:
+    """Effects by group, certain ones apart from those that only some of the sets hold."""
+    everywhere = frozenset.intersection(*sets)
+    groups: dict[str, list[str]] = {}
+    for name in order:
+        if any(name in one for one in sets):
+            groups.setdefault(group_of(name), []).append(name)
+    out: list[Choice] = []
+    for group, names in groups.items():
+        sure, others = ([n for n in names if (n in everywhere) is inside] for inside in (True, False))
+        if sure:
+            out.append(Choice(group, tuple(sure), "all"))
+        if others:
+            out.append(Choice(group, tuple(others), "perhaps" if sure else "some"))
+    return tuple(out)
+
+
+def _bounded(p: float) -> float:
+    """A probability away from 0 and 1, at which every other explanation would weigh nothing."""
+    return min(max(p, 1e-3), 1 - 1e-3)
