@@ -327,6 +327,11 @@ class Effect(ABC):
         return tuple(field for field in dataclasses.fields(cast(Any, cls)) if "profile" in field.metadata)
 
     @property
+    def idle_parameters(self) -> frozenset[str]:
+        """Parameters without influence at the values of others."""
+        return frozenset()
+
+    @property
     def own_noise(self) -> float:
         """Factor on the twin's own noises: below 1 for an effect that brings noise in their place."""
         return 1.0

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from twingap.effects import measurements
 from twingap.effects._features import TONES
 from twingap.effects._references import ISO_13373
-from twingap.effects._tones import UnevenHarmonics, speed_dependence, uneven_factors
+from twingap.effects._tones import HarmonicSeries, UnevenHarmonics, speed_dependence, uneven_factors
 from twingap.effects.angle import cosine, harmonics
 from twingap.effects.base import Effect, Stage, parameter
 from twingap.effects.draft import Draft
@@ -26,7 +26,7 @@ Array = NDArray[np.float64]
 
 @register
 @dataclass(frozen=True)
-class GearMesh(Effect):
+class GearMesh(HarmonicSeries):
     """A gear on the shaft: tones at integer orders (teeth and its harmonics), each with side lines one order away."""
 
     stage: ClassVar[Stage] = Stage.DISTURBANCE
@@ -35,6 +35,9 @@ class GearMesh(Effect):
     look_alikes: ClassVar[tuple[str, ...]] = ("shaft_harmonics", "looseness", "drive_interference", "waviness")
     deciding_measurement: ClassVar[str] = measurements.OTHER_SPEED
     features: ClassVar[tuple[str, ...]] = TONES
+    most_harmonics: ClassVar[int] = 6
+    regular: ClassVar[frozenset[str]] = frozenset(["decay", "n_harmonics"])
+    spaced_by_shaft: ClassVar[bool] = True
 
     level: float = parameter(
         0.5, unit="healthy rms", plausible=(0.02, 5.0), log=True, doc="amplitude of the mesh tone"
@@ -56,13 +59,16 @@ class GearMesh(Effect):
     )
 
     @property
-    def levels(self) -> Array:
+    def regular_levels(self) -> Array:
         """[n_harmonics] Amplitude of each mesh tone, healthy rms."""
         return np.asarray(self.level * self.decay ** np.arange(self.n_harmonics))
 
+    def base_hz(self, draft: Draft) -> float:
+        return self.teeth * draft.shaft_hz
+
     def apply(self, draft: Draft, rng: np.random.Generator) -> None:
-        phases = rng.random(self.n_harmonics)
         levels = draft.reference_rms * self.levels
+        phases = rng.random(levels.size)
         # The highest side line lies one order above its mesh harmonic.
         count = math.ceil((draft.condition.fs_hz / 2 / draft.shaft_hz - 1) / self.teeth) - 1
         amplitudes = (levels * np.exp(2j * np.pi * phases))[: max(count, 0)]

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from twingap.effects import measurements
 from twingap.effects._features import TONES
 from twingap.effects._references import ISO_13373, RANDALL_BOOK
-from twingap.effects._tones import UnevenHarmonics, add_harmonics, speed_dependence, uneven_factors
+from twingap.effects._tones import HarmonicSeries, UnevenHarmonics, add_harmonics, speed_dependence, uneven_factors
 from twingap.effects.base import Effect, Stage, parameter
 from twingap.effects.draft import Draft
 from twingap.effects.drawing import tone_level
@@ -26,7 +26,7 @@ Array = NDArray[np.float64]
 
 @register
 @dataclass(frozen=True)
-class Looseness(Effect):
+class Looseness(HarmonicSeries):
     """Mechanical looseness: many shaft harmonics, and half orders between them.
 
     Order m = 1/2, 1, 3/2, ... up to `n_orders` has amplitude level decay^(m - 1), half orders times `half_ratio`. The
@@ -40,6 +40,8 @@ class Looseness(Effect):
     look_alikes: ClassVar[tuple[str, ...]] = ("shaft_harmonics", "gear_mesh", "impulsive_noise")
     deciding_measurement: ClassVar[str] = measurements.OTHER_SPEED
     features: ClassVar[tuple[str, ...]] = TONES
+    most_harmonics: ClassVar[int] = 40
+    regular: ClassVar[frozenset[str]] = frozenset(["decay", "half_ratio", "n_orders"])
 
     level: float = parameter(
         0.3, unit="healthy rms", plausible=(0.02, 3.0), log=True, doc="amplitude at shaft speed"
@@ -60,10 +62,13 @@ class Looseness(Effect):
     )  # fmt: skip
 
     @property
-    def levels(self) -> Array:
+    def regular_levels(self) -> Array:
         """[2 n_orders] Amplitude of each half order, healthy rms."""
         half = np.arange(1, 2 * self.n_orders + 1)
         return self.level * self.decay ** (half / 2 - 1) * np.where(half % 2, self.half_ratio, 1.0)
+
+    def base_hz(self, draft: Draft) -> float:
+        return draft.shaft_hz / 2
 
     def apply(self, draft: Draft, rng: np.random.Generator) -> None:
         levels = self.levels

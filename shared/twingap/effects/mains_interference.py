@@ -15,6 +15,7 @@ from twingap.effects._references import RANDALL_BOOK
 from twingap.effects._tones import (
     FEWEST,
     RESOLVED,
+    HarmonicSeries,
     UnevenHarmonics,
     add_harmonics,
     common_levels,
@@ -45,7 +46,7 @@ hums, whose harmonics the effect does not describe."""
 
 @register
 @dataclass(frozen=True)
-class MainsInterference(Effect):
+class MainsInterference(HarmonicSeries):
     """Hum of the mains and its harmonics: fixed in Hz whatever the speed, of zero width."""
 
     stage: ClassVar[Stage] = Stage.DISTURBANCE
@@ -54,6 +55,8 @@ class MainsInterference(Effect):
     look_alikes: ClassVar[tuple[str, ...]] = ("drive_interference", "shaft_harmonics", "looseness")
     deciding_measurement: ClassVar[str] = measurements.OTHER_SPEED
     features: ClassVar[tuple[str, ...]] = TONES
+    most_harmonics: ClassVar[int] = 20
+    regular: ClassVar[frozenset[str]] = frozenset(["decay", "n_harmonics"])
 
     level: float = parameter(
         0.5, unit="healthy rms", plausible=(0.02, 3.0), log=True, doc="amplitude of the fundamental"
@@ -70,9 +73,12 @@ class MainsInterference(Effect):
     )
 
     @property
-    def levels(self) -> Array:
+    def regular_levels(self) -> Array:
         """[n_harmonics] Amplitude of each, healthy rms."""
         return np.asarray(self.level * self.decay ** np.arange(self.n_harmonics))
+
+    def base_hz(self, draft: Draft) -> float:
+        return self.mains_hz
 
     def apply(self, draft: Draft, rng: np.random.Generator) -> None:
         levels = self.levels

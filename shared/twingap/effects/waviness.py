@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from twingap.effects import measurements
 from twingap.effects._features import TONES
-from twingap.effects._tones import UnevenHarmonics, add_harmonics, speed_dependence, uneven_factors
+from twingap.effects._tones import HarmonicSeries, UnevenHarmonics, add_harmonics, speed_dependence, uneven_factors
 from twingap.effects.base import Effect, Stage, parameter
 from twingap.effects.draft import Draft
 from twingap.effects.drawing import tone_level
@@ -23,7 +23,7 @@ Array = NDArray[np.float64]
 
 @register
 @dataclass(frozen=True)
-class Waviness(Effect):
+class Waviness(HarmonicSeries):
     """Wavy races: sinusoids at multiples of the ball-pass order, following the shaft angle and the cage's slip.
 
     In every record, healthy or not. Lines in the raw spectrum; the envelope of a resonance band does not show them.
@@ -39,6 +39,8 @@ class Waviness(Effect):
     look_alikes: ClassVar[tuple[str, ...]] = ("gear_mesh", "drive_interference")
     deciding_measurement: ClassVar[str] = measurements.OTHER_SPEED
     features: ClassVar[tuple[str, ...]] = TONES
+    most_harmonics: ClassVar[int] = 10
+    regular: ClassVar[frozenset[str]] = frozenset(["decay", "n_harmonics"])
 
     level: float = parameter(
         0.5, unit="healthy rms", plausible=(0.02, 3.0), log=True, doc="amplitude at the ball-pass order"
@@ -55,14 +57,20 @@ class Waviness(Effect):
     )  # fmt: skip
 
     @property
-    def levels(self) -> Array:
+    def regular_levels(self) -> Array:
         """[n_harmonics] Amplitude at each multiple, healthy rms."""
         return np.asarray(self.level * self.decay ** np.arange(self.n_harmonics))
 
+    def base_hz(self, draft: Draft) -> float:
+        return self._order(draft) * draft.shaft_hz
+
     def apply(self, draft: Draft, rng: np.random.Generator) -> None:
-        order = draft.bearing.slipped(draft.cage_speed_ratio)["inner" if self.inner else "outer"]
-        levels = self.levels
+        order, levels = self._order(draft), self.levels
         add_harmonics(draft, order * draft.turns, order * draft.shaft_hz, levels, rng.random(levels.size))
+
+    def _order(self, draft: Draft) -> float:
+        """Order of the ball passes."""
+        return draft.bearing.slipped(draft.cage_speed_ratio)["inner" if self.inner else "outer"]
 
     @classmethod
     def draw(cls, machine: Machine, rng: np.random.Generator) -> Mapping[str, float]:

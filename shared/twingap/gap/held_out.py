@@ -158,7 +158,9 @@ def values_of_estimate(found: Estimated) -> Mapping[str, ParameterValue]:
 
 
 def values_of_effect(effect: Effect, intervals: Mapping[str, tuple[float, float]]) -> Mapping[str, ParameterValue]:
-    """Values of an effect, with unit and, where given, interval; of lists, which a twin file holds, their lengths.
+    """Values of an effect, with unit and, where given, interval.
+
+    Of spectra, which a twin file holds, their lengths; of other lists each number, as "amplitudes.1".
 
     Parameters
     ----------
@@ -174,8 +176,14 @@ def values_of_effect(effect: Effect, intervals: Mapping[str, tuple[float, float]
     values = {
         field.name: ParameterValue(float(getattr(base, field.name)), field.metadata["unit"], intervals.get(field.name))
         for field in base.parameters()
+        if field.name not in base.idle_parameters
     }
     for field in base.profiles():
+        if not base.measured:
+            own = getattr(base, field.name)
+            unit = field.metadata["unit"]
+            values.update({f"{field.name}.{k}": ParameterValue(float(v), unit) for k, v in enumerate(own, start=1)})
+            continue
         values[field.name] = ParameterValue(float(len(getattr(base, field.name))), "values in closest.toml")
     if isinstance(effect, ByState):
         for state, own in effect.states:

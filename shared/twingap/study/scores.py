@@ -212,7 +212,10 @@ def headline(rows: Sequence[Row]) -> list[Score]:
 
 def statuses_told_apart(known: Sequence[Row], outside: Sequence[Row]) -> list[Score]:
     """How well the status tells worlds of catalogued effects alone from those with others, of worlds called a gap."""
-    explained = lambda r: r.found.status == "explained"  # noqa: E731
+
+    def explained(row: Row) -> bool:
+        return row.found.status == "explained"
+
     named, gaps = [r for r in known if r.found.gap and exact(r)], [r for r in known if r.found.gap]
     inside = rate("explained", "single, pair, crowd, called a gap", map(explained, gaps))
     beyond = rate("not explained", "outside, outside_plus, called a gap",

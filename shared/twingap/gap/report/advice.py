@@ -212,12 +212,13 @@ def undecided(report: GapReport) -> tuple[str, ...]:
 def snippet(report: GapReport) -> str | None:
     """Lines for TWIN.toml with the verdict's effects and their fitted parameters; None when there are none to add.
 
-    Effects with lists, such as a transfer path, are left out: their values are in the closest twin's file.
+    Effects that are measured from spectra, such as a transfer path, are left out: their values are in the closest
+    twin's file.
 
     Effects that the twin has already (provenance ``twin_effects``) are kept in the list.
     """
     added = [c for c in report.candidates if c.effect in report.verdict.effects and c.acts is None]
-    added = [c for c in added if c.effect not in catalogue() or not catalogue()[c.effect].profiles()]
+    added = [c for c in added if c.effect not in catalogue() or not catalogue()[c.effect].measured]
     if not added or _own_simulator(report):
         return None
     had = report.provenance.get("twin_effects", ())
@@ -298,6 +299,10 @@ def _fitted(candidate: Candidate) -> dict[str, Any]:
     values: dict[str, Any] = {}
     for name, parameter in candidate.parameters.items():
         value = float(f"{parameter.value:.4g}")
+        of_list, _, place = name.rpartition(".")
+        if place.isdecimal() and of_list in wanted:
+            values[of_list] = (*values.get(of_list, ()), value)
+            continue
         kind = wanted.get(name)
         values[name] = bool(round(value)) if kind == "bool" else round(value) if kind == "int" else value
     return values

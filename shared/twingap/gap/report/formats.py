@@ -5,6 +5,7 @@ All of it is escaped later, by the page's templates.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from typing import Any, Final
 
@@ -16,6 +17,10 @@ _SUFFIXES: Final[Mapping[str, str]] = {"Hz": "_hz", "rpm": "_rpm", "s": "_s", "N
 
 _WIDEST: Final = 1.2
 """Width of the interval of a closure from which the closure is not stated. A larger value states more of them."""
+
+
+_IN_LIST: Final = re.compile(r"(.+)\.[0-9]+")
+"""Key of a number of a list."""
 
 
 def name(text: str) -> str:
@@ -41,14 +46,24 @@ def value(parameter: ParameterValue) -> str:
 
 
 def parameters(values: Mapping[str, ParameterValue], reference: ParameterValue | None = None) -> tuple[str, ...]:
-    """One line for each parameter: name = value, and in the unit of the records where it is relative to `reference`."""
+    """One line for each parameter or list: name = value, and in the unit of the records if it is relative to
+    `reference`."""
 
     def absolute(one: ParameterValue) -> str:
         if reference is None or one.unit != HEALTHY_RMS:
             return ""
         return f", that is {number(one.value * reference.value, reference.unit)}"
 
-    return tuple(f"{quantity(n, p.unit)} = {value(p)}{absolute(p)}" for n, p in values.items())
+    lists: dict[str, list[ParameterValue]] = {}
+    for key, one in values.items():
+        of_list = _IN_LIST.fullmatch(key)
+        lists.setdefault(of_list[1] if of_list else key, []).append(one)
+    return tuple(
+        f"{quantity(key, own[0].unit)} = {value(own[0])}{absolute(own[0])}"
+        if key in values
+        else f"{quantity(key, own[0].unit)} = {', '.join(number(p.value) for p in own)} {own[0].unit}".strip()
+        for key, own in lists.items()
+    )
 
 
 def percent(part: float, interval: tuple[float, float] | None = None) -> str:

@@ -43,14 +43,14 @@ class GroupedSet(NamedTuple):
     ----------
     choices : tuple of Choice
         Empty for "no effect".
-    count : int
-        Number of explanations.
+    explanations : int
+        Number of them.
     weight : float
         Their part of the confidence set's probability.
     """
 
     choices: tuple[Choice, ...]
-    count: int
+    explanations: int
     weight: float
 
 

@@ -26,8 +26,9 @@ from twingap.gap.knowledge.learnt import Learnt
 from twingap.gap.knowledge.score_calibration import Outcome
 from twingap.gap.search import unlearnt
 from twingap.gap.search.evidence import Compared, Evidence
+from twingap.gap.search.harmonics import with_measured_harmonics
 from twingap.gap.search.initial_values import better_initial
-from twingap.gap.search.optimise import not_farther, optimise
+from twingap.gap.search.optimise import not_farther, optimise, validation_distance
 from twingap.gap.search.parameter_prior import Key, Prior
 from twingap.gap.search.parameter_scale import coordinates, to_effect, to_number, to_value
 
@@ -375,7 +376,7 @@ class _Search:
         """Optimise the values of these effects on the fit part."""
         found = optimise(
             self.evidence, self.now.simulator, self.added(), self.errors,
-            moved=names, baseline=False, passes=1, priors=self._priors(), prior_weight=self.prior_weight,
+            moved=names, baseline=False, passes=1, priors=self._priors(self.added()), prior_weight=self.prior_weight,
         )  # fmt: skip
         self._store_values(found.effects)
         self.now = self.evidence.against(self.added())
@@ -389,19 +390,18 @@ class _Search:
         before = Compared(self.evidence, (), bare.simulator)
         if not gap or not self.added():
             return before, before
-        found = optimise(
-            self.evidence,
-            self.now.simulator,
-            self.added(),
-            self.errors,
-            priors=self._priors(),
-            prior_weight=self.prior_weight,
-        )
-        found = not_farther(
-            self.evidence, found, bare, self.errors, priors=self._priors(), prior_weight=self.prior_weight
-        )
-        self._store_values(found.effects)
-        return before, Compared(self.evidence, found.effects, found.simulator)
+        # Lines show the amplitudes of harmonics: without them, levels are fitted to a decay that no supply or gear has.
+        start = self.now.simulator, self.added()
+        simulator, effects = with_measured_harmonics(self.evidence, *start) or start
+        priors = self._priors(effects)
+        found = optimise(self.evidence, simulator, effects, self.errors, priors=priors, prior_weight=self.prior_weight)
+        found = not_farther(self.evidence, found, bare, self.errors, priors=priors, prior_weight=self.prior_weight)
+        last = found.simulator, found.effects
+        again = with_measured_harmonics(self.evidence, *last)
+        if again and validation_distance(self.evidence, *again) <= validation_distance(self.evidence, *last):
+            last = again
+        self._store_values(last[1])
+        return before, Compared(self.evidence, last[1], last[0])
 
     def _store_values(self, effects: Sequence[Effect]) -> None:
         """Store optimised values; intervals are extended to include them."""
@@ -410,9 +410,11 @@ class _Search:
             reaching = {p: (min(low, values[p]), max(high, values[p])) for p, (low, high) in known.intervals.items()}
             self.values[effect.name] = replace(known, effect=effect, intervals=reaching)
 
-    def _priors(self) -> dict[Key, Prior]:
-        """Priors of the values of all effects found."""
-        return {key: prior for value in self.values.values() for key, prior in value.priors.items()}
+    def _priors(self, effects: Sequence[Effect]) -> dict[Key, Prior]:
+        """Priors of the values of these effects; none where the amplitudes of harmonics have been measured."""
+        measured = {effect.name for effect in effects if getattr(effect, "amplitudes", ())}
+        values = (value for name, value in self.values.items() if name not in measured)
+        return {key: prior for value in values for key, prior in value.priors.items()}
 
     def add(self, names: Sequence[str]) -> None:
         """Add effects at the values estimated from features of the fit part against the current twin."""

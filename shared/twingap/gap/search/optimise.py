@@ -11,10 +11,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -252,7 +252,8 @@ class ValueSearch:
                 if key[0] != effect.name:
                     continue
                 kind = next(field for field in effect.parameters() if field.name == key[1])
-                if not kind.metadata["searched"] or key[1] in self.evidence.read_off(effect.name):
+                fixed = {*self.evidence.read_off(effect.name), *effect.idle_parameters}
+                if not kind.metadata["searched"] or key[1] in fixed:
                     continue
                 self.at[key] = to_number(effect, key[1], self.setting)
                 integer = kind.type in ("int", int, "bool", bool)
@@ -295,7 +296,9 @@ class ValueSearch:
                 effects.append(effect)
                 continue
             kept = {p: to_number(effect, p, self.setting) for n, p in coordinates() if n == effect.name}
-            effects.append(to_effect(effect.name, kept | numbers, self.setting))
+            made = to_effect(effect.name, kept | numbers, self.setting)
+            lists = {f.name: own for f in effect.profiles() if (own := getattr(effect, f.name))}
+            effects.append(replace(cast(Any, made), **lists) if lists else made)
         if not all(self.evidence.fits(effect) for effect in effects):
             return None
         levels = {name: math.exp(value) for (of, name), value in at.items() if not of}

@@ -21,7 +21,7 @@ def test_effects_that_stand_in_for_each_other_are_one_line() -> None:
     assert "; ".join(map(str, line.choices)) == (
         "mean slip; one or more of impact statistics (slip jitter, impact scatter or load zone)"
     )
-    assert line.count == 7 and line.weight == pytest.approx(1)
+    assert line.explanations == 7 and line.weight == pytest.approx(1)
 
 
 def test_a_certain_member_is_told_from_its_companions() -> None:
@@ -50,7 +50,7 @@ def test_an_effect_of_ones_own_is_a_group_of_its_own() -> None:
 @given(st.lists(st.frozensets(st.sampled_from(NAMES), max_size=4), min_size=1, max_size=12, unique=True))
 def test_every_explanation_is_in_the_line_of_its_groups(sets: list[frozenset[str]]) -> None:
     lines = by_groups([tuple(sorted(one)) for one in sets], dict.fromkeys(NAMES, 0.4))
-    assert sum(line.count for line in lines) == len(sets)
+    assert sum(line.explanations for line in lines) == len(sets)
     assert sum(line.weight for line in lines) == pytest.approx(1)
     held = [{choice.group for choice in line.choices} for line in lines]
     assert len(held) == len({frozenset(one) for one in held})

@@ -14,6 +14,7 @@ from twingap.effects import make_effect
 from twingap.gap.distance.two_sample_tests import AUC_TEST, MMD_TEST
 from twingap.gap.report.advice import condition_words, contradictions, next_steps, place_words, snippet, undecided
 from twingap.gap.report.figures import MOST_POINTS, all_figures, curve_figure
+from twingap.gap.report.formats import parameters
 from twingap.gap.report.model import (
     Candidate,
     Ceiling,
@@ -243,7 +244,18 @@ def test_the_snippet_is_a_twin_file_with_the_fitted_parameters(make_report: Make
         candidates=(
             *report.candidates,
             Candidate(
-                "waviness", 0.9, 1, 0.5, 0.5, (0, 1), {"inner": ParameterValue(1.0), "level": ParameterValue(0.2)}
+                "waviness",
+                0.9,
+                1,
+                0.5,
+                0.5,
+                (0, 1),
+                {
+                    "inner": ParameterValue(1.0),
+                    "level": ParameterValue(0.2),
+                    "amplitudes.1": ParameterValue(1.0),
+                    "amplitudes.2": ParameterValue(0.25),
+                },
             ),
         ),
     )
@@ -255,6 +267,9 @@ def test_the_snippet_is_a_twin_file_with_the_fitted_parameters(make_report: Make
     assert spec.parameters["second_resonance"]["frequency_hz"] == 1203.0  # four digits
     made = make_effect("waviness", spec.parameters["waviness"], "test")
     assert made.inner is True and made.level == 0.2  # type: ignore[attr-defined]
+    assert made.amplitudes == (1.0, 0.25)  # type: ignore[attr-defined]
+    lines = parameters(whole.candidates[-1].parameters)
+    assert lines[-1] == "amplitudes = 1, 0.25" and len(lines) == 3
     assert spec.parameters["sensor_rolloff"] == {"order": 3}
 
 
