@@ -268,7 +268,7 @@ def test_the_snippet_is_a_twin_file_with_the_fitted_parameters(make_report: Make
     made = make_effect("waviness", spec.parameters["waviness"], "test")
     assert made.inner is True and made.level == 0.2  # type: ignore[attr-defined]
     assert made.amplitudes == (1.0, 0.25)  # type: ignore[attr-defined]
-    lines = parameters(whole.candidates[-1].parameters)
+    lines = parameters(next(c for c in whole.candidates if c.effect == "waviness").parameters)
     assert lines[-1] == "amplitudes = 1, 0.25" and len(lines) == 3
     assert spec.parameters["sensor_rolloff"] == {"order": 3}
 
