@@ -39,6 +39,8 @@ Array = NDArray[np.float64]
 NEAR_SPEED: Final = 0.06
 """Log ratio of speeds up to which a simulated record keeps its own speed: features are relative to each record's
 orders, and resampling would move resonances. A larger value resamples fewer records."""
+_OTHER_SPEEDS: Final = 0.01
+"""Median log ratio of speeds from which a note says so. A smaller value says so of chance."""
 SAME_GAIN: Final = math.log(1.1)
 """Log ratio of levels below which records in the same unit count as of equal gain. A larger value matches fewer
 levels."""
@@ -131,11 +133,16 @@ class ExternalSimulator:
         self.level_free = self.gain != 1.0
         self._healthy_rms = self._of_healthy() or reference_rms / self.gain
         slow = [c for c in real.conditions if c.fault not in self.missing and c.fault is not None]
-        off = [abs(math.log(self.sim.conditions[self._ranked(c)[0]].speed_rpm / c.speed_rpm)) for c in slow]
-        if off and max(off) > NEAR_SPEED:
+        off = [math.log(self.sim.conditions[self._ranked(c)[0]].speed_rpm / c.speed_rpm) for c in slow]
+        if (farthest := max(map(abs, off), default=0.0)) > NEAR_SPEED:
             notes.append(
                 f"simulated records were resampled over the shaft angle to the real speeds (by up to "
-                f"{100 * max(off):.1f} %), by which their resonances move too"
+                f"{100 * farthest:.1f} %), by which their resonances move too"
+            )
+        elif off and abs(common := float(np.median(off))) > _OTHER_SPEEDS:
+            notes.append(
+                f"simulated records turn {100 * abs(common):.1f} % {'faster' if common > 0 else 'slower'} than the real "
+                "ones: what a speed changes in strength no effect can make up for, so simulate at the speeds found"
             )
         longest = {c.fault: 0.0 for c in sim.conditions}
         for c in sim.conditions:

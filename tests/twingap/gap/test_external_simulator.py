@@ -189,6 +189,9 @@ def test_a_record_of_nearly_the_real_speed_is_left_alone() -> None:
     (record,) = own.simulate((), [wanted], 0, 0)
     assert record.condition == replace(wanted, speed_rpm=1500.0)
     np.testing.assert_array_equal(record.samples, own.sim[0].samples)
+    assert any("3.9 % slower" in note for note in own.notes)
+    same = ExternalSimulator(sim([replace(wanted, name="m")], 1), sim([wanted], 2), BEARING, 1.0)
+    assert not any("turn" in note for note in same.notes)
 
 
 def test_a_simulated_record_is_brought_to_the_real_speed() -> None:
