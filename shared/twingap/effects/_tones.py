@@ -169,6 +169,10 @@ class HarmonicSeries(Effect):
     def idle_parameters(self) -> frozenset[str]:
         return self.regular if self.amplitudes else frozenset()
 
+    @property
+    def measured_parameters(self) -> frozenset[str]:
+        return frozenset({"level"}) if self.amplitudes else frozenset()
+
     def base_hz(self, draft: Draft) -> float:
         """Frequency of the first harmonic at the mean speed of a draft, Hz."""
         raise NotImplementedError

@@ -332,6 +332,11 @@ class Effect(ABC):
         return frozenset()
 
     @property
+    def measured_parameters(self) -> frozenset[str]:
+        """Parameters that records showed, and that a search leaves as they are."""
+        return frozenset()
+
+    @property
     def own_noise(self) -> float:
         """Factor on the twin's own noises: below 1 for an effect that brings noise in their place."""
         return 1.0

@@ -37,7 +37,7 @@ _SIDE: Final = 30
 """Bins on either side from which the noise beside a line is estimated. Fewer are less certain."""
 _APART: Final = 0.4
 """Largest half width over the distance of the next line."""
-_SURE: Final = 2.0
+_SURE: Final = 3.0
 """Standard errors by which the power of a harmonic exceeds 0 where it is there."""
 _OTHER: Final = 4
 """Replicate of the twin that is measured."""

@@ -252,7 +252,7 @@ class ValueSearch:
                 if key[0] != effect.name:
                     continue
                 kind = next(field for field in effect.parameters() if field.name == key[1])
-                fixed = {*self.evidence.read_off(effect.name), *effect.idle_parameters}
+                fixed = {*self.evidence.read_off(effect.name), *effect.idle_parameters, *effect.measured_parameters}
                 if not kind.metadata["searched"] or key[1] in fixed:
                     continue
                 self.at[key] = to_number(effect, key[1], self.setting)
