@@ -95,6 +95,7 @@ def import_(
         bearing_of,
         files_of,
         finite_positive,
+        notes_on_groups,
         records_of,
         understand,
         unit_of,
@@ -115,13 +116,20 @@ def import_(
     )  # fmt: skip
     found = understand(files_of(files), options)
     rows = [record.row() for record in found]
-    notes = _by_note(found)
+    notes = [*_by_note(found), *notes_on_groups(found)]
     if geometry is None:
         notes.append("no bearing is stated: add --bearing, which `twingap gap` and `classify` need")
     units = {record.unit for record in found}
     if len(units) > 1:
         held = ", ".join(sorted(u or "unknown units" for u in units))
         notes.append(f"records are in {held}: written in {unit_of(found) or 'the units they have'}")
+    if not dry_run:
+        assert out is not None
+        rates = [record.condition.fs_hz for record in found]
+        write_records(
+            out, name or out.resolve().name, unit_of(found), geometry, max(dict.fromkeys(rates), key=rates.count),
+            steps(records_of(found), "import", len(found)),
+        )  # fmt: skip
     if not as_json:
         common = [key for key in rows[0] if any(row.get(key) is not None for row in rows)]
         show(
@@ -131,13 +139,6 @@ def import_(
         )
         for note in notes:
             say(f"note: {note}")
-    if not dry_run:
-        assert out is not None
-        rates = [record.condition.fs_hz for record in found]
-        write_records(
-            out, name or out.resolve().name, unit_of(found), geometry, max(dict.fromkeys(rates), key=rates.count),
-            steps(records_of(found), "import", len(found)),
-        )  # fmt: skip
     if as_json:
         say_json({"out": None if dry_run else str(out), "unit": unit_of(found), "records": rows, "notes": notes})
     if not dry_run and out is not None:

@@ -45,6 +45,8 @@ _UNITS: Final = {
 _G: Final = 9.80665
 _SHORT: Final = 0.8
 """Part of the usual length below which a note says that a record is short. A larger value gives more notes."""
+_FEW_TURNS: Final = 4.0
+"""Turns of the shaft below which a note says that a record holds few. A larger value gives more notes."""
 _EVEN: Final = 0.05
 """Largest deviation of a time axis from even steps, in steps; a larger value accepts gaps in the record."""
 _FAULTS: Final = {
@@ -190,12 +192,34 @@ def understand(paths: Sequence[Path], options: ImportOptions) -> list[Understood
 
 
 def _with_note_on_length(record: Understood, usual_s: float) -> Understood:
-    """The record, with a note where it is shorter than the usual record of the files: its file may be cut off."""
-    own = record.condition.duration_s
-    if own > _SHORT * usual_s:
-        return record
-    note = f"{own:.4g} s long where half of the records have {usual_s:.4g} s or more: is the file whole?"
-    return replace(record, notes=(*record.notes, note))
+    """The record, with notes where it is shorter than the usual record of the files, since its file may be cut off, and
+    where it holds few turns of the shaft."""
+    own, turns = record.condition.duration_s, record.condition.duration_s * record.condition.speed_rpm / 60
+    notes = []
+    if own <= _SHORT * usual_s:
+        notes.append(f"{own:.4g} s long where half of the records have {usual_s:.4g} s or more: is the file whole?")
+    if turns < _FEW_TURNS:
+        notes.append(
+            f"{turns:.2g} turns of the shaft in {own:.4g} s at {record.condition.speed_rpm:g} rpm: too few to tell "
+            "faults apart; is the speed in rev/min?"
+        )
+    return replace(record, notes=(*record.notes, *notes))
+
+
+def notes_on_groups(found: Sequence[Understood]) -> list[str]:
+    """Notes on groups that hold records of several faults: a group is what cannot be split, such as a bearing."""
+    faults: dict[str, set[str]] = {}
+    for record in found:
+        if record.condition.group is not None:
+            faults.setdefault(record.condition.group, set()).add(str(record.condition.fault))
+    mixed = sorted(group for group, own in faults.items() if len(own) > 1)
+    if not mixed:
+        return []
+    held = ", ".join(sorted(faults[mixed[0]]))
+    return [
+        f"group {mixed[0]!r} holds records of several faults ({held}): a group is one recording or one bearing, never "
+        "parted by a split; call a running number by another field, such as {number}"
+    ]
 
 
 def unit_of(found: Sequence[Understood]) -> str:
@@ -272,6 +296,12 @@ def _rate(
         sources.append((rate, f"channel {time.name!r}"))
     known = [(float(rate), source) for rate, source in sources if rate is not None]
     if not known:
+        if time is not None:
+            try:
+                time.load()
+            except TwingapError as error:
+                mend = "write all of its numbers alike, or give the sampling rate with --fs-hz"
+                raise TwingapError(str(error), mend=mend) from None
         raise TwingapError("states no sampling rate", where=file.path, mend="give it with --fs-hz")
     first, source = known[0]
     for rate, other in known[1:]:

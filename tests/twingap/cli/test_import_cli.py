@@ -177,3 +177,39 @@ def test_a_speed_channel_is_taken_where_it_is_and_else_the_name(twingap: Run, tm
     for name in ("ok_1480rpm.csv", "ok_1490rpm.csv"):
         (tmp_path / name).rename(tmp_path / name.replace("ok_", "ok_1_"))
     assert "{fault}_{run}_" in twingap(tmp_path, *words).err
+
+
+def test_records_of_few_turns_are_doubted(twingap: Run, tmp_path: Path) -> None:
+    said = twingap(export(tmp_path / "outer_25rpm.csv"), "--names", "{fault}_{speed_rpm:d}rpm.csv", "--dry-run")
+    assert said.status == 0 and "turns of the shaft" in said.out and "is the speed in rev/min?" in said.out
+    said = twingap(export(tmp_path / "outer_250000rpm.csv"), "--names", "{fault}_{speed_rpm:d}rpm.csv", "--dry-run")
+    assert said.status == 0 and "turns of the shaft" not in said.out
+
+
+def test_a_group_of_several_faults_is_doubted(twingap: Run, tmp_path: Path) -> None:
+    for fault in ("healthy", "outer"):
+        for number in ("001", "002"):
+            export(tmp_path / f"{fault}_{number}.csv")
+    pattern = ("--speed-rpm", 1500, "--dry-run", "--names")
+    said = twingap(tmp_path, *pattern, "{fault}_{group}.csv")
+    assert "group '001' holds records of several faults (healthy, outer)" in said.out
+    assert "several faults" not in twingap(tmp_path, *pattern, "{fault}_{number}.csv").out
+
+
+def test_mixed_decimal_marks_are_named_where_they_hide_the_rate(twingap: Run, tmp_path: Path) -> None:
+    file = export(tmp_path / "mixed.csv")
+    lines = file.read_text(encoding="cp1252").splitlines()
+    lines[3::2] = [line.replace(",", ".") for line in lines[3::2]]
+    file.write_text("\n".join(lines) + "\n", encoding="cp1252")
+    said = twingap(file, "--speed-rpm", 1500, "--out", tmp_path / "set")
+    assert said.status == 2 and len(said.err.splitlines()) == 1
+    assert "line 5, column Zeit: '0,000083' found, a number expected; write all of its numbers alike" in said.err
+
+
+def test_what_cannot_be_written_is_not_shown_as_understood(twingap: Run, tmp_path: Path) -> None:
+    file = export(tmp_path / "hole.csv")
+    lines = file.read_text(encoding="cp1252").splitlines()
+    lines[6] = lines[6].split(";")[0] + ";"
+    file.write_text("\n".join(lines) + "\n", encoding="cp1252")
+    said = twingap(file, "--speed-rpm", 1500, "--out", tmp_path / "set")
+    assert said.status == 2 and said.out == "" and len(said.err.splitlines()) == 1 and not (tmp_path / "set").exists()

@@ -196,7 +196,11 @@ def test_tables_without_names_come_back_from_pandas(tmp_path: Path, columns: int
         ("1\n1_000\n", None, "line 2, column 0: '1_000' found"),
         ("x,y\n1,2\n,3\n", "x", "line 3, column x: is empty"),
         ("x,y\n1,2\n3\n", "x", "line 3: has 1 fields, 2 expected"),
-        ("x\n0,5\n0,3\n", None, "line 2: has 2 fields, 1 expected; separate fields by commas and write decimal points"),
+        (
+            "x\n0,5\n0,3\n",
+            None,
+            "line 2: has 2 fields, 1 expected; write decimal points: a comma separates fields here",
+        ),
         ("x;y\n1;2\n", None, "holds 2 channels and none is named; name one of x, y"),
         ("x,x\n1,2\n", "x", "has 2 channels 'x'; give the column's index"),
         ("x\n1\nnan\n", None, "channel x: sample 1 is nan, finite samples expected"),

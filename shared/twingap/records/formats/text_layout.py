@@ -404,7 +404,10 @@ def _refuse_lost_rows(lines: list[_Line], rows: list[list[str]], first: int, wid
         raise TwingapError(f"has {len(cells)} fields, {width} expected", where=above.number, mend=mend)
     if separator == "," and len(cells) < width and all(_WHOLE.fullmatch(c) for c in rows[first] if c):
         if len(cells) == 1:
-            raise TwingapError(f"has {width} fields, 1 expected", where=lines[first].number, mend=mend)
+            raise TwingapError(
+                f"has {width} fields, 1 expected", where=lines[first].number,
+                mend="write decimal points: a comma separates fields here",
+            )  # fmt: skip
         if not any(_is_number(cell) for cell in cells):
             raise _decimal_commas(lines[first].number)
     texts = [line for line in lines[: first - 1] if not _COMMENT.match(line.text)]
