@@ -407,7 +407,10 @@ class _Search:
         """Store optimised values; intervals are extended to include them."""
         for effect in effects:
             known, values = self.values[effect.name], effect.parameter_values()
-            reaching = {p: (min(low, values[p]), max(high, values[p])) for p, (low, high) in known.intervals.items()}
+            reaching = {
+                p: (min(low, float(values[p])), max(high, float(values[p])))
+                for p, (low, high) in known.intervals.items()
+            }
             self.values[effect.name] = replace(known, effect=effect, intervals=reaching)
 
     def _priors(self, effects: Sequence[Effect]) -> dict[Key, Prior]:

@@ -8,6 +8,8 @@ from hypothesis import strategies as st
 
 from tests.twingap.gap.search.test_optimise import machine
 from tests.twingap.identification.test_level import evidence_of, simulated
+from twingap.effects import make_effect
+from twingap.gap.search import effect_search
 from twingap.gap.search.effect_search import ALPHA, CAUTIOUS_ALPHA, confidence_set, level_of_gap, to_name
 from twingap.gap.search.evidence import Evidence, simulator_of
 from twingap.identification.calibrate import calibrate
@@ -66,3 +68,13 @@ def test_the_sets_reach_the_level_and_no_more(probability, level):
     # What is all but certain is not split: at most 1 % each is given away.
     assert sum(map(weight, sets)) >= level - 0.01 * len(probability) - 1e-9
     assert weight(sets[0]) >= every[0] - 0.01 * len(probability)
+
+
+def test_an_interval_that_reaches_a_choice_holds_numbers() -> None:
+    """A choice that the search found, true or false, is an end of its interval like any other value."""
+    found = effect_search._Search.__new__(effect_search._Search)
+    given = make_effect("slip_jitter", {"accumulating": False})
+    found.values = {"slip_jitter": effect_search.Estimated(given, {"accumulating": (0.1, 0.4)})}
+    found._store_values([make_effect("slip_jitter", {"accumulating": True})])
+    ends = found.values["slip_jitter"].intervals["accumulating"]
+    assert ends == (0.1, 1.0) and all(type(end) is float for end in ends)
