@@ -12,7 +12,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from twingap.gap.report.grouped_sets import group_of
+from twingap.gap.report.grouped_sets import by_groups
 
 CATALOGUED = ("single", "pair", "crowd")
 UNCATALOGUED = ("outside", "outside_plus")
@@ -87,8 +87,9 @@ class Found:
 
     @property
     def groups(self) -> frozenset[frozenset[str]]:
-        """The confidence set by groups, as the report lists it: groups of the effects of each member."""
-        return frozenset(frozenset(map(group_of, effects)) for effects in self.covers)
+        """The confidence set by groups, as the report lists it: groups of the effects of each line."""
+        lines = by_groups(self.confidence_set, self.probability) if self.confidence_set else ()
+        return frozenset(frozenset(choice.group for choice in line.choices) for line in lines)
 
 
 @dataclass(frozen=True)

@@ -5,12 +5,17 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Mapping, Sequence
-from typing import Literal, NamedTuple
+from typing import Final, Literal, NamedTuple
 
 from twingap.effects import catalogue
 from twingap.gap.report.model import listed
+
+PART: Final = 0.98
+"""Part of a confidence set's probability that its listing by groups holds. A larger value lists more, hardly probable
+lines."""
 
 
 class Choice(NamedTuple):
@@ -54,7 +59,9 @@ class GroupedSet(NamedTuple):
     weight: float
 
 
-def by_groups(sets: Sequence[Sequence[str]], probability: Mapping[str, float]) -> tuple[GroupedSet, ...]:
+def by_groups(
+    sets: Sequence[Sequence[str]], probability: Mapping[str, float], part: float = PART
+) -> tuple[GroupedSet, ...]:
     """The explanations of a confidence set, those with effects of the same groups taken together.
 
     Parameters
@@ -63,6 +70,8 @@ def by_groups(sets: Sequence[Sequence[str]], probability: Mapping[str, float]) -
         The most probable first.
     probability : Mapping[str, float]
         Probability that each effect is missing, which weights the explanations; 0.5 where absent.
+    part : float
+        Part of the set's probability from which the least probable ones are left out.
 
     Returns
     -------
@@ -81,7 +90,9 @@ def by_groups(sets: Sequence[Sequence[str]], probability: Mapping[str, float]) -
         GroupedSet(_choices([one for one, _ in own], order), len(own), sum(weight for _, weight in own) / total)
         for own in together.values()
     ]
-    return tuple(sorted(out, key=lambda one: -one.weight))
+    out.sort(key=lambda one: -one.weight)
+    before = itertools.accumulate((one.weight for one in out), initial=0.0)
+    return tuple(one for one, reached in zip(out, before, strict=False) if reached < part - 1e-9)
 
 
 def group_of(name: str) -> str:

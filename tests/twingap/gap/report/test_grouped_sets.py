@@ -41,6 +41,15 @@ def test_lines_are_ordered_by_probability() -> None:
     assert [line.weight for line in lines] == pytest.approx([odds[n] / sum(odds.values()) for n in odds])
 
 
+def test_the_least_probable_lines_are_left_out() -> None:
+    sets = [("clipping",), ("clipping", "gear_mesh"), ("clipping", "mean_slip")]
+    probability = {"clipping": 0.99, "gear_mesh": 0.4, "mean_slip": 0.01}
+    kept = by_groups(sets, probability)
+    assert [len(line.choices) for line in kept] == [1, 2] and sum(line.weight for line in kept) > 0.98
+    assert len(by_groups(sets, probability, part=1.0)) == 3
+    assert len(by_groups(sets, probability, part=0.5)) == 1
+
+
 def test_an_effect_of_ones_own_is_a_group_of_its_own() -> None:
     assert group_of("my_effect") == "my_effect"
     assert len(by_groups([("my_effect",), ("clipping",)], {})) == 2
@@ -49,7 +58,7 @@ def test_an_effect_of_ones_own_is_a_group_of_its_own() -> None:
 @settings(max_examples=50, deadline=None)
 @given(st.lists(st.frozensets(st.sampled_from(NAMES), max_size=4), min_size=1, max_size=12, unique=True))
 def test_every_explanation_is_in_the_line_of_its_groups(sets: list[frozenset[str]]) -> None:
-    lines = by_groups([tuple(sorted(one)) for one in sets], dict.fromkeys(NAMES, 0.4))
+    lines = by_groups([tuple(sorted(one)) for one in sets], dict.fromkeys(NAMES, 0.4), part=1.0)
     assert sum(line.explanations for line in lines) == len(sets)
     assert sum(line.weight for line in lines) == pytest.approx(1)
     held = [{choice.group for choice in line.choices} for line in lines]

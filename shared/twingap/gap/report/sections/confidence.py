@@ -30,9 +30,10 @@ def section(report: GapReport, figures: Mapping[str, str]) -> Section | None:
     if sure := [effect for effect in sets[0] if all(effect in s for s in sets)]:
         text += f"All of them hold {listed(sure)}. "
     grouped = by_groups(sets, {c.effect: c.probability for c in report.candidates})
-    if len(grouped) == len(sets):
+    if len(grouped) == len(sets):  # each has groups of its own
         return Section(_TITLE, text, (Items(words, ordered=True, shown=_SHOWN, more="less probable ones"),))
-    text += f"They come down to {count_words(len(grouped))}, effects that stand in for each other taken together:"
+    text += f"They come down to {count_words(len(grouped))}, effects that stand in for each other taken together and "
+    text += "hardly probable ones left out:"
     short = Items([_words(one, none) for one in grouped], ordered=True, shown=_SHOWN, more="less probable ones")
     return Section(_TITLE, text, (short, Items(words, ordered=True, shown=0, more="explanations one by one")))
 
