@@ -225,7 +225,7 @@ def statuses_told_apart(known: Sequence[Row], outside: Sequence[Row]) -> list[Sc
     return [
         rate("explained", "single, pair, crowd, named exactly", map(explained, named), Target(0.80)),
         inside, beyond,
-        Score("balanced accuracy of the status", "the two above", value, value - half, value + half,
+        Score("balanced accuracy of the status", "single to crowd, outside", value, value - half, value + half,
               inside.n + beyond.n, None, Target(0.85)),
     ]  # fmt: skip
 

@@ -102,7 +102,7 @@ def test_balanced_accuracy_of_the_status_is_of_gaps_alone() -> None:
         row("outside", (), ("a",), "explained"),
         row("outside", (), (), "no_gap"),
     ]
-    score = by_name(scores.headline(rows))["balanced accuracy of the status", "the two above"]
+    score = by_name(scores.headline(rows))["balanced accuracy of the status", "single to crowd, outside"]
     assert score.value == pytest.approx((3 / 4 + 1 / 2) / 2) and score.n == 6 and score.met is False
     assert score.low < score.value < score.high
 
