@@ -74,6 +74,15 @@ def _notes(found: Sequence[Effect]) -> tuple[str, ...]:
         return ()
     each = []
     for effect in found:
-        values = ", ".join(f"{name} = {value:.4g}" for name, value in effect.parameter_values().items())
+        values = ", ".join(
+            f"{name} = {_words(value)}"
+            for name, value in effect.parameter_values().items()
+            if name not in effect.idle_parameters and value != ()
+        )
         each.append(f"{effect.name} ({values})")
     return (f"the twin file names effects without a value; they were estimated on the fit part: {'; '.join(each)}",)
+
+
+def _words(value: float | Sequence[float]) -> str:
+    """A number, or the numbers of a list."""
+    return f"{value:.4g}" if isinstance(value, (int, float)) else "[" + ", ".join(f"{one:.4g}" for one in value) + "]"
