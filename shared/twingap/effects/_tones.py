@@ -5,13 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Any, ClassVar, Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from twingap.effects.angle import harmonics
-from twingap.effects.base import Effect, profile
+from twingap.effects.base import Effect
 from twingap.effects.draft import Draft
 from twingap.effects.machine import Machine
 from twingap.records import Condition, Record
@@ -131,51 +131,6 @@ def hann_lobe(bins: Array) -> NDArray[np.complex128]:
     turns = np.exp(1j * np.pi * -bins)
     near = [np.sinc(bins + shift) * (1.0 if shift == 0 else 0.5) for shift in (-1, 0, 1)]
     return np.asarray(turns * sum(near))
-
-
-@dataclass(frozen=True)
-class HarmonicSeries(Effect):
-    """Mixin: harmonics of a line whose amplitudes decay regularly, or are as measured.
-
-    Parameters
-    ----------
-    amplitudes : tuple of float
-        Amplitude of each harmonic over `level`, in place of a regular decay; empty for that decay.
-    """
-
-    spaced_by_shaft: ClassVar[bool] = False
-    """Whether lines one order apart accompany each harmonic."""
-    most_harmonics: ClassVar[int]
-    """Largest number of harmonics that are measured. A larger one measures weaker ones and takes longer."""
-    regular: ClassVar[frozenset[str]]
-    """Parameters of the regular decay."""
-
-    amplitudes: tuple[float, ...] = profile(
-        (), unit="of level", doc="amplitude of each harmonic, where measured; in place of a regular decay"
-    )
-
-    @property
-    def levels(self) -> Array:
-        """[harmonics] Amplitude of each, healthy rms."""
-        level: float = self.level  # type: ignore[attr-defined]  # a parameter of every series
-        return level * np.array(self.amplitudes) if self.amplitudes else self.regular_levels
-
-    @property
-    def regular_levels(self) -> Array:
-        """[harmonics] Amplitude of each with a regular decay, healthy rms."""
-        raise NotImplementedError
-
-    @property
-    def idle_parameters(self) -> frozenset[str]:
-        return self.regular if self.amplitudes else frozenset()
-
-    @property
-    def measured_parameters(self) -> frozenset[str]:
-        return frozenset({"level"}) if self.amplitudes else frozenset()
-
-    def base_hz(self, draft: Draft) -> float:
-        """Frequency of the first harmonic at the mean speed of a draft, Hz."""
-        raise NotImplementedError
 
 
 def uneven_factors(rng: np.random.Generator) -> Array:

@@ -13,11 +13,12 @@ from numpy.typing import NDArray
 from twingap.effects import measurements
 from twingap.effects._features import TONES
 from twingap.effects._references import ISO_13373
-from twingap.effects._tones import HarmonicSeries, UnevenHarmonics, speed_dependence, uneven_factors
+from twingap.effects._tones import UnevenHarmonics, speed_dependence, uneven_factors
 from twingap.effects.angle import cosine, harmonics
 from twingap.effects.base import Effect, Stage, parameter
 from twingap.effects.draft import Draft
 from twingap.effects.drawing import tone_level
+from twingap.effects.harmonic_series import HarmonicSeries
 from twingap.effects.machine import Machine
 from twingap.effects.registry import register
 

@@ -13,10 +13,11 @@ from numpy.typing import NDArray
 from twingap.effects import measurements
 from twingap.effects._features import TONES
 from twingap.effects._references import ISO_13373, RANDALL_BOOK
-from twingap.effects._tones import HarmonicSeries, UnevenHarmonics, add_harmonics, speed_dependence, uneven_factors
+from twingap.effects._tones import UnevenHarmonics, add_harmonics, speed_dependence, uneven_factors
 from twingap.effects.base import Effect, Stage, parameter
 from twingap.effects.draft import Draft
 from twingap.effects.drawing import tone_level
+from twingap.effects.harmonic_series import HarmonicSeries
 from twingap.effects.machine import Machine
 from twingap.effects.observations import Observations
 from twingap.effects.registry import register

@@ -15,7 +15,6 @@ from twingap.effects._references import RANDALL_BOOK
 from twingap.effects._tones import (
     FEWEST,
     RESOLVED,
-    HarmonicSeries,
     UnevenHarmonics,
     add_harmonics,
     common_levels,
@@ -25,6 +24,7 @@ from twingap.effects._tones import (
 from twingap.effects.base import Effect, Stage, parameter
 from twingap.effects.draft import Draft
 from twingap.effects.drawing import tone_level
+from twingap.effects.harmonic_series import HarmonicSeries
 from twingap.effects.machine import Machine
 from twingap.effects.registry import register
 from twingap.records import Condition, Record

@@ -414,8 +414,8 @@ class _Search:
             self.values[effect.name] = replace(known, effect=effect, intervals=reaching)
 
     def _priors(self, effects: Sequence[Effect]) -> dict[Key, Prior]:
-        """Priors of the values of these effects; none where the amplitudes of harmonics have been measured."""
-        measured = {effect.name for effect in effects if getattr(effect, "amplitudes", ())}
+        """Priors of the values of these effects; none where records showed them."""
+        measured = {effect.name for effect in effects if effect.measured_parameters}
         values = (value for name, value in self.values.items() if name not in measured)
         return {key: prior for value in values for key, prior in value.priors.items()}
 

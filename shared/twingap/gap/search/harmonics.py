@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twingap.effects import Draft, Effect, MeanSlip
-from twingap.effects._tones import HarmonicSeries
+from twingap.effects.harmonic_series import HarmonicSeries
 from twingap.records import Condition, Record
 from twingap.signal.record_transforms import tone_spectrum
 from twingap.twins.simulator import Simulator
