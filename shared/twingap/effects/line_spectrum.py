@@ -37,7 +37,10 @@ class LineSpectrum(Effect):
     stage: ClassVar[Stage] = Stage.DISTURBANCE
     references: ClassVar[tuple[str, ...]] = (f"{RANDALL_BOOK}, ch. 2 and 3",)
     group: ClassVar[str] = "lines"
-    look_alikes: ClassVar[tuple[str, ...]] = ("mains_interference", "drive_interference", "gear_mesh", "looseness")
+    look_alikes: ClassVar[tuple[str, ...]] = (
+        "mains_interference", "drive_interference", "gear_mesh", "looseness", "shaft_harmonics", "waviness",
+        "foreign_bearing",
+    )  # fmt: skip
     deciding_measurement: ClassVar[str] = measurements.OTHER_SPEED
     trained: ClassVar[bool] = False
     measured: ClassVar[bool] = True

@@ -27,6 +27,8 @@ Array = NDArray[np.float64]
 
 MOST_PLACES: Final = 512
 """Largest number of frequencies of a response."""
+_GOLDEN: Final = 0.5 * (math.sqrt(5) - 1)
+"""Step, modulo 1, of a sequence that fills its range evenly and whose neighbours lie far apart."""
 
 
 @register
@@ -35,11 +37,13 @@ class TransferPath(Effect):
     """A free frequency response in series with the twin's own mode: several modes, antiresonances, mounting, sensor.
 
     The gain is given in dB at some frequencies, with straight lines between them and constant beyond. The filter is
-    that of minimum phase with this gain, so that an impact stays the beginning of its response. Only the product of
-    path and impact strength can be identified, so that a constant gain is left to the impacts. All vibration of the
-    bearing passes it, noise of the measuring chain does not. Of a finished waveform impacts and force are read off
-    (`impact_train`) and pass it; where its impacts are not known, or with `all_samples`, the whole waveform does: it is
-    then the filter of another sensor, mounting or amplifier.
+    that of minimum phase with this gain, so that an impact stays the beginning of its response, and then of bands
+    that arrive with delays between 0 and `delay_spread_s`: waves of a large structure take several ways, and narrow
+    modes ring longer than a smooth gain shows. Only the product of path and impact strength can be identified, so
+    that a constant gain is left to the impacts. All vibration of the bearing passes it, noise of the measuring
+    chain does not. Of a finished waveform impacts and force are read off (`impact_train`) and pass it; where its
+    impacts are not known, or with `all_samples`, the whole waveform does: it is then the filter of another sensor,
+    mounting or amplifier.
     """
 
     stage: ClassVar[Stage] = Stage.PATH
@@ -65,6 +69,10 @@ class TransferPath(Effect):
         searched=False,
         doc="whether the sign of the response is turned",
     )
+    delay_spread_s: float = parameter(
+        0.0, unit="s", plausible=(0.0, 0.012), allowed=(0.0, 0.05), searched=False,
+        doc="largest delay of a band, which spreads an impact over this time",
+    )  # fmt: skip
     all_samples: bool = parameter(
         False,
         unit="",
@@ -85,25 +93,41 @@ class TransferPath(Effect):
         check_places(self, self.frequencies_hz, self.gains_db, "gains_db")
 
     def apply(self, draft: Draft, rng: np.random.Generator) -> None:
-        if not self.frequencies_hz or (self.depth == 0 and not self.inverted):
+        flat = not self.frequencies_hz or self.depth == 0
+        if flat and not self.inverted and not self.delay_spread_s:
             return
-        fs_hz, sign = draft.condition.fs_hz, -1.0 if self.inverted else 1.0
         if draft.excitation == "waveform" and not self.all_samples and (train := train_of(draft)) is not None:
             vibration = np.pad(train.impacts + train.forced(rng), (LEAD, 0), mode="reflect")
-            gain = minimum_phase(fast_length(vibration.size), fs_hz, self.frequencies_hz, self.gains_db, self.depth)
-            draft.x = draft.x + filtered(vibration, sign * gain - 1)[LEAD:]
+            draft.x = draft.x + filtered(vibration, self._response(vibration.size, draft) - 1)[LEAD:]
             return
-        draft.filters.append(
-            lambda x: filtered(
-                x, sign * minimum_phase(fast_length(x.size), fs_hz, self.frequencies_hz, self.gains_db, self.depth)
-            )
-        )
+        draft.filters.append(lambda x: filtered(x, self._response(x.size, draft)))
+
+    def _response(self, n: int, draft: Draft) -> NDArray[np.complex128]:
+        """Response at the frequencies of the transform that filters n samples."""
+        n, fs_hz = fast_length(n), draft.condition.fs_hz
+        places, gains = (self.frequencies_hz, self.gains_db) if self.frequencies_hz else ((0.0,), (0.0,))
+        response = minimum_phase(n, fs_hz, places, gains, self.depth)
+        if self.delay_spread_s:
+            response = response * scattered_delays(n, fs_hz, self.delay_spread_s)
+        return -response if self.inverted else response
 
 
 def passed_by_all_samples(path: Effect | None) -> bool:
     """Whether a path is a filter of whole waveforms."""
+    plain = _plain(path)
+    return plain is not None and plain.all_samples
+
+
+def delay_spread_s(path: Effect | None) -> float:
+    """Largest delay of a band of a path; 0 without a path."""
+    plain = _plain(path)
+    return 0.0 if plain is None else plain.delay_spread_s
+
+
+def _plain(path: Effect | None) -> TransferPath | None:
+    """A path, that of all states where it has values by state."""
     plain = path.base if isinstance(path, ByState) else path
-    return isinstance(plain, TransferPath) and plain.all_samples
+    return plain if isinstance(plain, TransferPath) else None
 
 
 def check_places(effect: Effect, places: tuple[float, ...], values: tuple[float, ...], name: str) -> None:
@@ -129,3 +153,16 @@ def minimum_phase(
     cepstrum[1 : (n + 1) // 2] *= 2
     cepstrum[n // 2 + 1 :] = 0
     return np.asarray(np.exp(scipy.fft.rfft(cepstrum)))
+
+
+@lru_cache(maxsize=32)
+def scattered_delays(n: int, fs_hz: float, spread_s: float) -> NDArray[np.complex128]:
+    """[n // 2 + 1] Response of gain 1 whose bands arrive with delays between 0 and `spread_s`.
+
+    Bands are as wide as a delay of that size resolves, 1 / `spread_s`. The delay is linear in frequency between their
+    middles; it is the same in each call.
+    """
+    f = scipy.fft.rfftfreq(n, 1 / fs_hz)
+    bands = np.arange(1, max(math.ceil(fs_hz / 2 * spread_s), 2) + 1)
+    delays_s = np.interp(f, (bands - 0.5) / spread_s, spread_s * (bands * _GOLDEN % 1))
+    return np.asarray(np.exp(-2j * math.pi * np.cumsum(delays_s) * (fs_hz / n)))

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.stats import kurtosis
 
 from twingap import BEARINGS, Condition, TwingapError
 from twingap.config import read_toml, to_toml
 from twingap.effects import Effect, make_effect
 from twingap.effects.by_state import ByState, State, by_state, of_state
 from twingap.effects.line_spectrum import LineSpectrum
-from twingap.effects.transfer_path import minimum_phase
+from twingap.effects.transfer_path import minimum_phase, scattered_delays
 from twingap.signal import power_spectral_density
 from twingap.streams import Streams
 from twingap.twins.phenomenological import PhenomenologicalParameters, PhenomenologicalTwin
@@ -50,6 +51,30 @@ def test_path_is_causal_and_of_least_delay() -> None:
     early = np.cumsum(h**2)
     other = np.fft.irfft(np.abs(response) * np.exp(-2j * np.pi * np.fft.rfftfreq(4096) * 5))
     assert (early[:64] >= np.cumsum(other**2)[:64] - 1e-9).all()
+
+
+def test_spread_delays_keep_the_gain_and_spread_an_impact() -> None:
+    """Of gain 1 at all frequencies, causal, over within the spread; the longer, the lower the peak."""
+    n, peaks = 4096, []
+    for spread_s in (0.0005, 0.002, 0.004):
+        response = scattered_delays(n, FS, spread_s)
+        np.testing.assert_allclose(np.abs(response), 1.0, atol=1e-12)
+        h = np.fft.irfft(response)
+        last = round(1.3 * spread_s * FS) + 16
+        assert np.sum(h[:last] ** 2) + np.sum(h[-16:] ** 2) > 0.93
+        peaks.append(np.abs(h).max())
+    assert peaks[0] > 0.85 and peaks[1] < 0.7 and peaks[2] < 0.6
+
+
+def test_a_path_with_spread_delays_has_less_kurtosis_and_the_same_spectrum() -> None:
+    own = PhenomenologicalParameters(structure_noise_rms=1e-9, white_noise_rms=1e-6)
+    values = {"frequencies_hz": (1000.0, 3000.0, 5000.0), "gains_db": (6.0, -6.0, 6.0)}
+    plain, spread = (
+        record((make_effect("transfer_path", values | {"delay_spread_s": s}),), "outer", own=own) for s in (0.0, 0.004)
+    )
+    places = [1000.0, 2000.0, 3000.0, 4000.0, 5000.0]
+    np.testing.assert_allclose(levels_db(spread, places), levels_db(plain, places), atol=0.5)
+    assert kurtosis(spread) < 0.6 * kurtosis(plain)
 
 
 def test_path_may_turn_the_sign() -> None:

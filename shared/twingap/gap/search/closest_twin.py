@@ -25,6 +25,7 @@ from twingap.gap.search.free_spectra import BACKGROUND, LINES, PATH, By, by_faul
 from twingap.gap.search.initial_values import observations
 from twingap.gap.search.joint import fitted_together
 from twingap.gap.search.optimise import optimise, validation_distance
+from twingap.gap.search.path_delays import with_delays
 from twingap.twins.simulator import Simulator, TwinSimulator
 from twingap.twins.twin_file import TwinSpec
 
@@ -182,6 +183,7 @@ def _with_spectra(
         made = measured(evidence, now.simulator, now.effects, names, by=by, all_samples=all_samples) if names else None
         if made is None:
             continue
+        made = with_delays(evidence, *made)
         one = _Twin(*made, evidence.misfit(*made), by)
         if one.misfit < (WORTH if best is now else 1.0) * best.misfit:
             best = one

@@ -26,7 +26,7 @@ from scipy.stats import norm
 
 from twingap.effects import BackgroundSpectrum, Effect, LineSpectrum, TransferPath
 from twingap.effects.by_state import ByState, State, by_state, of_state, unit_of
-from twingap.effects.transfer_path import passed_by_all_samples
+from twingap.effects.transfer_path import delay_spread_s, passed_by_all_samples
 from twingap.identification.calibrate import thinned
 from twingap.records import Condition, Record, RecordSet
 from twingap.signal.record_transforms import SMOOTH_SEGMENTS, RecordTransforms, band_medians
@@ -134,6 +134,7 @@ def measured(
     kept = tuple(effect for effect in effects if effect.name not in names)
     known = {effect.name: effect for effect in effects}
     all_samples = all_samples or passed_by_all_samples(known.get(PATH))
+    filter_ = TransferPath(delay_spread_s=delay_spread_s(known.get(PATH)), all_samples=all_samples)
     paths = {state: _path_of(known.get(PATH), state, spectra) for state in states} if PATH in names else {}
     densities: dict[State, Array | None] = dict.fromkeys(states if BACKGROUND in names else ())
     if BACKGROUND in names and (own := known.get(BACKGROUND)) is not None:
@@ -144,7 +145,7 @@ def measured(
     lines = _all_lines(evidence, simulator, kept, states) if LINES in names and paths else ()
     over = known if by == "unit" else {}
     for _ in range(rounds if paths or densities else 0):
-        chain = _with((*kept, *lines), spectra, paths, densities, simulator.reference_rms, over, all_samples)
+        chain = _with((*kept, *lines), spectra, paths, densities, simulator.reference_rms, over, filter_)
         made = spectra.of(evidence.simulated(simulator, chain, spectra.records.conditions, 3))
         if all_samples and paths:
             step = _filter_step(spectra, made)
@@ -159,7 +160,7 @@ def measured(
             # What impacts, other effects and a finished waveform have between lines stays.
             rest = 0.0 if density is None else np.maximum(now - density, 0.0)
             densities[state] = np.maximum(wanted - rest, _LEAST_NOISE * wanted)
-    chain = _with(kept, spectra, paths, densities, simulator.reference_rms, over, all_samples)
+    chain = _with(kept, spectra, paths, densities, simulator.reference_rms, over, filter_)
     if LINES in names:
         chain = (*chain, *_all_lines(evidence, simulator, chain, states))
     return None if chain == kept else (simulator, chain)
@@ -321,19 +322,17 @@ def _with(
     densities: Mapping[State, Array | None],
     reference: float,
     over: Mapping[str, Effect],
-    all_samples: bool = False,
+    filter_: TransferPath,
 ) -> Chain:
     """The effects with these paths (log power) and backgrounds (power density) of the states added.
 
-    Records of other states have those of `over`.
+    Records of other states have those of `over`; the paths are otherwise those of `filter_`.
     """
     places = tuple(float(f) for f in spectra.middles_hz)
     chain = list(kept)
     if paths:
         gains = {state: np.clip(path / _NEPERS_PER_DB, -80.0, 80.0).round(3) for state, path in paths.items()}
-        own = {
-            s: TransferPath(all_samples=all_samples, frequencies_hz=places, gains_db=tuple(g)) for s, g in gains.items()
-        }
+        own = {s: replace(filter_, frequencies_hz=places, gains_db=tuple(g)) for s, g in gains.items()}
         chain.append(_stated(own, over.get(PATH)))
     known = {state: density for state, density in densities.items() if density is not None}
     if known:

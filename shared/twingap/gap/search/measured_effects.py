@@ -9,6 +9,7 @@ closes a part of the gap that the error of calibrated values does not reach.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 from typing import Final
 
@@ -22,13 +23,9 @@ from twingap.gap.distance.paired import Paired
 from twingap.gap.search import unlearnt
 from twingap.gap.search.effect_search import ALPHA_REST, Estimated, Explanation
 from twingap.gap.search.evidence import Compared, Evidence, replicates_of
-from twingap.gap.search.free_spectra import (
-    PATH,
-    Chain,
-    by_fault_or_all,
-    measured,
-)
+from twingap.gap.search.free_spectra import BACKGROUND, LINES, PATH, Chain, by_fault_or_all, measured
 from twingap.gap.search.optimise import validation_distance
+from twingap.gap.search.path_delays import with_delays
 from twingap.gap.search.sign_flips import p_of_gain
 from twingap.twins.simulator import Simulator
 
@@ -57,8 +54,10 @@ def with_measured(evidence: Evidence, found: Explanation) -> Explanation:
     """
     # In the order of the catalogue: what the path explains is no background.
     names = [name for name in measured_from_spectra() if evidence.can_add(name) is None]
-    if not found.gap or not names or (found.effects and found.rest_p > ALPHA_REST):
+    if not found.gap or not names:
         return found
+    # Where no rest points to a further effect, one may still be in the place of those that are taken for it.
+    more = not found.effects or found.rest_p <= ALPHA_REST
     bare = validation_distance(evidence, found.before.simulator, ())
     left = validation_distance(evidence, found.after.simulator, found.after.effects)
     if left < _LEFT * bare:
@@ -80,19 +79,26 @@ def with_measured(evidence: Evidence, found: Explanation) -> Explanation:
     now, here = found.after, before if found.after.effects == () else Paired(real, made(found.after), before.scale)
     tested: dict[str, float] = {}
     for name in names:
+        if any(effect.name == name for effect in now.effects):
+            continue
         # Asked of the fit part: names must not be chosen by the closure that is reported.
-        ways = [(validation_distance(evidence, *one), one) for one in _measured(evidence, now, name)]
-        if not ways:
+        rest = tuple(effect for effect in now.effects if effect.name not in look_alikes(name))
+        ways = list(_ways(evidence, now, name)) if more and (name != PATH or rest == now.effects) else []
+        if rest != now.effects and (more or name == PATH):
+            ways += _ways(evidence, evidence.against(rest), name)
+        # Each effect that is measured has to close its part.
+        costs = [validation_distance(evidence, *way) + LEAST * bare * _unspecific(now.effects, way[1]) for way in ways]
+        if not ways or min(costs) > left:
             continue
-        nearer, one = min(ways, key=lambda way: way[0])
-        if left - nearer < LEAST * bare:
-            continue
-        nearer, one = _without_surrogates(evidence, nearer, one, LEAST * bare)
-        compared = Compared(evidence, one[1], one[0])
+        way = ways[costs.index(min(costs))]
+        nearer = validation_distance(evidence, *way)
+        if name == PATH:
+            nearer, way = _without_surrogates(evidence, nearer, way, LEAST * bare)
+        compared = Compared(evidence, way[1], way[0])
         there = Paired(real, made(compared), before.scale)
         if (p := p_of_gain(here, there, evidence.root)) <= LEVEL:
+            tested.update({effect.name: p for effect in way[1] if effect not in now.effects and effect.measured})
             now, here, left = compared, there, nearer
-            tested[name] = p
     if not tested:
         return found
     chain = {effect.name: effect for effect in now.effects}
@@ -107,29 +113,53 @@ def with_measured(evidence: Evidence, found: Explanation) -> Explanation:
     )  # fmt: skip
 
 
-def _measured(evidence: Evidence, now: Compared, name: str) -> list[tuple[Simulator, Chain]]:
-    """The twin with an effect as measured: with a path of impacts and, for finished waveforms, one of all samples."""
-    own = evidence.against().simulator.makes_waveforms and name == PATH
-    ways = [measured(evidence, now.simulator, now.effects, (name,), by=by_fault_or_all(evidence))]
-    ways += [measured(evidence, now.simulator, now.effects, (name,), all_samples=True)] if own else []
-    return [one for one in ways if one is not None]
+def _unspecific(before: Chain, after: Chain) -> int:
+    """Number of measured effects that are new, less those effects in whose place they are.
+
+    Lines in the place of effects with a known cause count for two more: a list of lines is closer than any of them.
+    """
+    here, there = ({effect.name for effect in chain} for chain in (before, after))
+    new, gone = there - here, here - there
+    return len(new) - len(gone) + 2 * bool(LINES in new and PATH not in new and gone)
+
+
+def _ways(evidence: Evidence, now: Compared, name: str) -> Iterator[tuple[Simulator, Chain]]:
+    """The twin with an effect as measured; a path beside the background, also beside lines, and of all samples.
+
+    Noise of the bearing passes its path, too, so that the twin's noise no longer fits; lines in the records would be
+    taken for impacts. Finished waveforms may pass a path as a whole.
+    """
+    simulator, by = evidence.without_added(now.simulator), by_fault_or_all(evidence)
+    if name != PATH:
+        one = measured(evidence, simulator, now.effects, (name,), by=by)
+        yield from [] if one is None else [one]
+        return
+    without_lines = tuple(effect for effect in now.effects if effect.name not in look_alikes(LINES))
+    choices = [(now.effects, (PATH, BACKGROUND))]
+    choices += [(without_lines, (PATH, BACKGROUND, LINES))] if without_lines != now.effects else []
+    for effects, names in choices:
+        if (one := measured(evidence, simulator, effects, names, by=by)) is not None:
+            yield with_delays(evidence, *one)
+    if evidence.against().simulator.makes_waveforms:
+        one = measured(evidence, simulator, now.effects, (PATH,), all_samples=True)
+        yield from [] if one is None else [with_delays(evidence, *one)]
 
 
 def _without_surrogates(
     evidence: Evidence, distance: float, twin: tuple[Simulator, Chain], least: float
 ) -> tuple[float, tuple[Simulator, Chain]]:
-    """The twin without effects that stand in for its path, where that filters whole waveforms, and its distance.
+    """The twin without effects that stand in for its path, and its distance.
 
-    One that closes `least` beside the path stays.
+    One that closes `least` beside it stays.
     """
-    path = next((effect for effect in twin[1] if effect.name == PATH), None)
-    if path is None or not passed_by_all_samples(path):
-        return distance, twin
+    all_samples = any(passed_by_all_samples(effect) for effect in twin[1])
+    by = "all" if all_samples else by_fault_or_all(evidence)
     for effect in twin[1]:
-        if effect.name not in look_alikes(PATH):
+        if effect.name not in look_alikes(PATH) or effect.measured:
             continue
         rest = tuple(other for other in twin[1] if other.name != effect.name)
-        again = measured(evidence, twin[0], rest, (PATH,))
+        names = [other.name for other in rest if other.name in (PATH, BACKGROUND)]
+        again = measured(evidence, twin[0], rest, names, by=by, all_samples=all_samples)
         if again is not None and (other := validation_distance(evidence, *again)) < distance + least:
             distance, twin = other, again
     return distance, twin
