@@ -108,7 +108,7 @@ class HeldOut:
             progress(done / len(names))
             probability = min(max(found.probability.get(name, 0.0), 0.0), 1.0)
             others = tuple(other for other in named if other != name)
-            nothing_fitted = name not in found.fitted and not learnt.covers(name)
+            nothing_fitted = not (name in named or name in found.fitted or learnt.covers(name))
             if name in found.cannot or nothing_fitted:
                 own = named.get(name)
                 values = values_of_estimate(own) if own else {}
