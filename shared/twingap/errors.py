@@ -31,8 +31,12 @@ class TwingapError(Exception):
         super().__init__(" ".join(line.split()))
 
 
+_MANY = 8
+"""Number of names above which only the one that was probably meant is shown."""
+
+
 def one_of(wrong: str, known: Iterable[str], kind: str) -> str:
-    """Remedy for a name that is not known: the name that was probably meant, and all that there are.
+    """Remedy for a name that is not known: the name that was probably meant, and all that there are if they are few.
 
     Parameters
     ----------
@@ -44,5 +48,7 @@ def one_of(wrong: str, known: Iterable[str], kind: str) -> str:
     names = list(known)
     swapped = [name for name in names if sorted(name.lower()) == sorted(wrong.lower())]
     likely = swapped or difflib.get_close_matches(wrong, names, n=1)
+    if likely and len(names) > _MANY:
+        return f"did you mean {likely[0]!r}? {len(names)} {kind} are known"
     meant = f"did you mean {likely[0]!r}? " if likely else ""
     return f"{meant}known {kind}: {', '.join(names)}"

@@ -121,7 +121,7 @@ def test_whole_numbers_stay_whole() -> None:
 @pytest.mark.parametrize(
     ("name", "parameters", "message"),
     [
-        ("slip_jiter", {}, "unknown effect 'slip_jiter'; did you mean 'slip_jitter'? known effects: "),
+        ("slip_jiter", {}, "unknown effect 'slip_jiter'; did you mean 'slip_jitter'? "),
         ("clipping", {"rails": 3.0}, "effect clipping: unknown key 'rails'; known keys: rail"),
         ("clipping", {"rail": "3"}, "effect clipping: rail: '3' found, a finite number expected"),
         ("clipping", {"rail": -1.0}, "effect clipping: rail: -1.0 found, healthy rms between 1e-09 and 1e+09 expected"),

@@ -101,20 +101,33 @@ def _kind(place: Place) -> tuple[DomainName, bool, bool]:
 
 def _add(report: GapReport, added: Iterable[Candidate]) -> str:
     """Advice to add effects to the twin file, or to the user's own simulator."""
-    added = list(added)
-    names = listed(c.effect for c in added)
+    spectra = [c.effect for c in added if _measured(c)]
+    plain = [c for c in added if not _measured(c)]
     if _own_simulator(report):
+        names = listed(c.effect for c in added)
         return f"Add {names} to your simulator, at the values below, and compare again: the gap should shrink as shown."
-    loose = [f"`{c.effect}.{n}`" for c in added for n, value in c.parameters.items() if _undetermined(value)]
+    lists = ""
+    if spectra:
+        file = f"`{report.closest.twin}`" if report.closest.twin else "`closest.toml`, written without `--quick`,"
+        are = "is a spectrum" if len(spectra) == 1 else "are spectra"
+        lists = f"{_upper(listed(spectra))} {are} of many values: {file} holds {'it' if len(spectra) == 1 else 'them'}."
+    if not plain:
+        return lists
+    loose = [f"`{c.effect}.{n}`" for c in plain for n, value in c.parameters.items() if _undetermined(value)]
     check = ""
     if loose:
         those = " and ".join(loose) if len(loose) < 3 else f"{len(loose)} of these values, marked below"
         check = f" The records do not determine {those}: compare the figures before you rely on them."
     return (
-        f"Add {names} to your twin: in its file replace the table [twin] by that below, and append the others. Then "
-        "run the diagnosis again; the gap as a whole should shrink as shown. `twingap close` does both, until nothing "
-        f"more closes.{check}"
+        f"Add {listed(c.effect for c in plain)} to your twin: in its file replace the table [twin] by that below, and "
+        f"append the others. {lists + ' ' if lists else ''}Then run the diagnosis again; the gap as a whole should "
+        f"shrink as shown. `twingap close` does both, until nothing more closes.{check}"
     )
+
+
+def _measured(candidate: Candidate) -> bool:
+    """Whether an effect is measured from spectra: its values are lists, too long for a page."""
+    return candidate.effect in catalogue() and catalogue()[candidate.effect].measured
 
 
 def _own_simulator(report: GapReport) -> bool:
@@ -218,7 +231,7 @@ def snippet(report: GapReport) -> str | None:
     Effects that the twin has already (provenance ``twin_effects``) are kept in the list.
     """
     added = [c for c in report.candidates if c.effect in report.verdict.effects and c.acts is None]
-    added = [c for c in added if c.effect not in catalogue() or not catalogue()[c.effect].measured]
+    added = [c for c in added if not _measured(c)]
     if not added or _own_simulator(report):
         return None
     had = report.provenance.get("twin_effects", ())

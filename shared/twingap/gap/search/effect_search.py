@@ -183,12 +183,17 @@ def search(
     gap = p_value <= level_of_gap(evidence) or bool(held)
     found.hold(held)
     for turn in range(ROUNDS):
-        progress("effects added", 0.2 + 0.2 * turn)
+        progress("which effects", 0.2 + 0.2 * turn)
         # An effect once dropped stays out: otherwise the search could cycle.
         more = found.probable() or (found.helpful() if gap and turn else [])
         if not more and turn:
             break
-        found.add(more)
+
+        def adding(name: str, part: float, turn: int = turn) -> None:
+            progress(f"{name.replace('_', ' ')} added", 0.2 + 0.2 * (turn + 0.7 * part))
+
+        found.add(more, adding)
+        progress("effects left out one by one", 0.2 + 0.2 * (turn + 0.7))
         found.drop_weakest()
     rest_p = found.rest_p(p_value)
     named = len(found.values) - len(held)
@@ -419,7 +424,7 @@ class _Search:
         values = (value for name, value in self.values.items() if name not in measured)
         return {key: prior for value in values for key, prior in value.priors.items()}
 
-    def add(self, names: Sequence[str]) -> None:
+    def add(self, names: Sequence[str], progress: Progress = lambda what, part: None) -> None:
         """Add effects at the values estimated from features of the fit part against the current twin."""
         features = self.now.fit
         for name in names:
@@ -429,7 +434,8 @@ class _Search:
                 self.values[name] = value
         self.now = self.evidence.against(self.added())
         here = [name for name in names if name in self.values and name not in self.cannot]
-        for name in here:
+        for done, name in enumerate(here):
+            progress(name, done / len(here))
             self.improve_initial(name, features)
         if here:
             self.refine(here)

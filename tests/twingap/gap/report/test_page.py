@@ -281,6 +281,20 @@ def test_without_effects_to_add_there_is_no_snippet(make_report: MakeReport) -> 
     assert any("cannot be added to your simulator" in step for step in next_steps(stuck))
 
 
+@pytest.mark.parametrize("names", [("background_spectrum",), ("background_spectrum", "waviness")])
+def test_spectra_are_taken_from_the_twin_file(make_report: MakeReport, names: tuple[str, ...]) -> None:
+    """Their values are too many for a page: the advice says where they are, and the rest is stated."""
+    lists = {"densities_db": ParameterValue(122.0, "values in closest.toml")}
+    values = [lists if name == "background_spectrum" else {"level": ParameterValue(0.2)} for name in names]
+    found = tuple(Candidate(n, 0.9, 1, 0.5, 0.5, (0.4, 0.6), v) for n, v in zip(names, values, strict=True))
+    verdict = Verdict("explained", names, (names,), 0.01, 0.5, (0.4, 0.6))
+    report = dataclasses.replace(make_report(), verdict=verdict, candidates=found)
+    step = next_steps(report)[0]
+    assert "Background spectrum is a spectrum of many values" in step and "closest.toml" in step
+    assert ("Add waviness to your twin" in step) == (len(names) == 2)
+    assert "densities_db" not in (snippet(report) or "")
+
+
 def test_what_brings_records_and_twin_no_nearer_is_not_advised_to_be_added(make_report: MakeReport) -> None:
     report = make_report()
     worse = dataclasses.replace(report.verdict, closure=-0.32, closure_ci=(-0.4, -0.2))

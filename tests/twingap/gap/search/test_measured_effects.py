@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
 from tests.twingap.gap.search.test_free_spectra import evidence_of
 from twingap.effects import Effect, make_effect
+from twingap.gap.held_out import HeldOut
+from twingap.gap.knowledge import shipped
 from twingap.gap.search.effect_search import Estimated, Explanation
 from twingap.gap.search.free_spectra import BACKGROUND, LINES, PATH
 from twingap.gap.search.measured_effects import with_measured
@@ -68,3 +71,30 @@ def test_nothing_is_measured_where_no_rest_points_to_a_further_effect() -> None:
     hum = make_effect("mains_interference", {"level": 0.8})
     assert LINES in named(TONES, known=(hum,))
     assert named(TONES, known=(hum,), rest_p=0.5) == ("mains_interference",)
+
+
+def test_a_path_is_named_in_the_place_of_a_mode_that_stands_in_for_it() -> None:
+    """Where the rest points to nothing, too: the mode closes a part, the path most of it."""
+    evidence = evidence_of(ROUGH)
+    before = evidence.against()
+    mode = make_effect("second_resonance", {"frequency_hz": 3200.0, "gain": 0.5, "damping_ratio": 0.05})
+    found = with_measured(
+        evidence,
+        Explanation(0.01, True, (Estimated(mode, {}),), {"second_resonance": 0.9}, (("second_resonance",),), 0.5,
+                    before, evidence.against((mode,)), {}),
+    )  # fmt: skip
+    assert PATH in found.names and "second_resonance" not in found.names
+    assert found.probability["second_resonance"] == 0 and found.probability[PATH] > 0.85
+    assert {effect.name for effect in found.after.effects} == set(found.names)
+
+
+def test_what_a_measured_effect_closes_is_reported() -> None:
+    """Left out of the twin that has all named effects, like effects with detectors."""
+    evidence = evidence_of(TONES, n=6)
+    before = evidence.against()
+    found = with_measured(evidence, Explanation(0.01, True, (), {}, ((),), 0.01, before, before, {}))
+    assert found.names == (LINES,)
+    held_out = HeldOut(evidence, found)
+    (lines,) = (one for one in held_out.candidates(shipped(), 0.1, np.random.default_rng(0), lambda part: None)
+                if one.effect == LINES)  # fmt: skip
+    assert lines.acts is None and lines.closure > 0.3 and lines.gap_after < lines.gap_before
