@@ -76,13 +76,19 @@ def closest_of(
         Called with a description of the current step and the completed part, 0 to 1.
     """
     evidence, found = held_out.evidence, held_out.found
-    now = closest_twin(evidence, found, learnt, lambda what, part: progress(what, 0.6 * part))
+    begin = found.after if found.gap else found.before
+    sought = closest_twin(evidence, found, learnt, lambda what, part: progress(what, 0.6 * part))
     count = min(len(before), held_out.fewer)
-    first = list(before[:count])
-    after = held_out.replicates(now.simulator, now.effects, count)
-    pairs, floor = paired(held_out.real, first, after, scale), of_named.floor
-    same = found.gap and bool(now.effects) and now.effects == found.after.effects
-    closed = of_named if same else closure_interval(*pairs, floor, rng)
+    first, floor = list(before[:count]), of_named.floor
+
+    def evaluated(now: Compared) -> tuple[list[FeatureVectors], Closure]:
+        after = held_out.replicates(now.simulator, now.effects, count)
+        same = found.gap and bool(now.effects) and now.effects == begin.effects
+        return after, of_named if same else closure_interval(*paired(held_out.real, first, after, scale), floor, rng)
+
+    now, (after, closed) = sought, evaluated(sought)
+    if closed.ci[1] < of_named.closure:  # what was fitted does not hold for other records
+        now, (after, closed) = begin, evaluated(begin)
     few = min(count, 2)
 
     def refitted(chain: tuple[Effect, ...]) -> tuple[Simulator, tuple[Effect, ...]]:

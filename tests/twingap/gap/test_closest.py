@@ -1,4 +1,4 @@
-"""The ceiling: real records in place of the twin close what differs between twin and machine, not between bearings."""
+"""The closest twin holds for other records; its ceiling closes what differs between twin and machine, not bearings."""
 
 from __future__ import annotations
 
@@ -8,10 +8,15 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
+from tests.twingap.gap.search.test_free_spectra import evidence_of
 from twingap.bearing import BEARINGS
 from twingap.effects import make_effect
+from twingap.gap import closest
 from twingap.gap.closest import ceiling
+from twingap.gap.distance.closure import closure_interval, paired
 from twingap.gap.held_out import HeldOut
+from twingap.gap.knowledge import shipped
+from twingap.gap.search.effect_search import Explanation
 from twingap.gap.search.evidence import Evidence, simulator_of
 from twingap.identification.calibrate import calibrate
 from twingap.records import Condition, RecordSet
@@ -52,3 +57,20 @@ def test_records_of_the_same_bearing_close_nearly_all(seed: int) -> None:
 def test_records_of_another_bearing_close_less() -> None:
     found = ceiling_of((-5.0, 5.0), 0)
     assert found.other_unit < found.same_unit - 0.2
+
+
+def test_what_is_farther_from_held_out_records_is_not_the_closest(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The search sees the fit part alone: a twin that widens the gap on other records is not handed back."""
+    evidence = evidence_of(make_effect("mains_interference", {"level": 0.8}), n=6)
+    bare, rng = evidence.against(), np.random.default_rng(0)
+    worse = evidence.against((make_effect("coloured_noise", {"level": 4.0}),))
+    monkeypatch.setattr(closest, "closest_twin", lambda *given: worse)
+    held_out = HeldOut(evidence, Explanation(0.01, True, (), {}, ((),), 0.01, bare, bare, {}))
+    before = held_out.replicates(bare.simulator, (), 3)
+    pairs = paired(held_out.real, before, before)
+    of_named = closure_interval(*pairs, pairs[1].floor(rng)[0], rng)
+    found, twin = closest.closest_of(
+        held_out, shipped(), before, of_named, (), pairs[0].scale, closest.Ceiling(), rng, lambda what, part: None
+    )
+    assert twin.effects == () and found.closure == 0 and found.attribution == ()
+    assert found.twin == "closest.toml"

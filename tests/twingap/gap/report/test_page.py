@@ -281,6 +281,16 @@ def test_without_effects_to_add_there_is_no_snippet(make_report: MakeReport) -> 
     assert any("cannot be added to your simulator" in step for step in next_steps(stuck))
 
 
+def test_a_search_that_found_nothing_closer_is_not_advised_again(make_report: MakeReport) -> None:
+    report = make_report("unexplained")
+    quick, searched = (
+        next_steps(dataclasses.replace(report, closest=ClosestTwin((), 0.0, (0.0, 0.0), twin=twin)))
+        for twin in ("", "closest.toml")
+    )
+    assert any("leave out `--quick`" in step for step in quick)
+    assert not any("--quick" in step for step in searched) and any("`closest.toml` is" in step for step in searched)
+
+
 @pytest.mark.parametrize("names", [("background_spectrum",), ("background_spectrum", "waviness")])
 def test_spectra_are_taken_from_the_twin_file(make_report: MakeReport, names: tuple[str, ...]) -> None:
     """Their values are too many for a page: the advice says where they are, and the rest is stated."""
