@@ -1,7 +1,7 @@
 """Effects that are measured from spectra, named where held-out records are closer to the twin with them.
 
-verdict's twin --path, lines, background measured one after the other--> closer to held-out records? --> Explanation
-a path that whole waveforms pass --> effects that stand in for it leave
+verdict's twin --path, background, lines measured, beside its effects or in the place of those that stand in for them-->
+    much closer to the fit part? closer to held-out records, too? --> Explanation
 
 No detector is trained for them, since they hold lists. A spectrum can always be matched: one is named only where it
 closes a part of the gap that the error of calibrated values does not reach.
@@ -82,7 +82,7 @@ def with_measured(evidence: Evidence, found: Explanation) -> Explanation:
         if any(effect.name == name for effect in now.effects):
             continue
         # Asked of the fit part: names must not be chosen by the closure that is reported.
-        rest = tuple(effect for effect in now.effects if effect.name not in look_alikes(name))
+        rest = tuple(effect for effect in now.effects if effect.measured or effect.name not in look_alikes(name))
         ways = list(_ways(evidence, now, name)) if more and (name != PATH or rest == now.effects) else []
         if rest != now.effects and (more or name == PATH):
             ways += _ways(evidence, evidence.against(rest), name)
@@ -134,7 +134,8 @@ def _ways(evidence: Evidence, now: Compared, name: str) -> Iterator[tuple[Simula
         one = measured(evidence, simulator, now.effects, (name,), by=by)
         yield from [] if one is None else [one]
         return
-    without_lines = tuple(effect for effect in now.effects if effect.name not in look_alikes(LINES))
+    alike = look_alikes(LINES)
+    without_lines = tuple(effect for effect in now.effects if effect.measured or effect.name not in alike)
     choices = [(now.effects, (PATH, BACKGROUND))]
     choices += [(without_lines, (PATH, BACKGROUND, LINES))] if without_lines != now.effects else []
     for effects, names in choices:
