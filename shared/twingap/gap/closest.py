@@ -13,7 +13,6 @@ from dataclasses import replace
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from twingap.effects import Effect, LineSpectrum
 from twingap.effects.by_state import UNIT_COLUMNS, ByState
@@ -37,10 +36,8 @@ from twingap.gap.search.attribution import attribution
 from twingap.gap.search.closest_twin import closest_twin
 from twingap.gap.search.evidence import Compared
 from twingap.gap.search.free_spectra import BACKGROUND, PATH, by_of, measured
-from twingap.records import Condition
+from twingap.records import Array, Condition
 from twingap.twins.simulator import Simulator, TwinSimulator
-
-Array = NDArray[np.float64]
 
 CLOSEST_FILE: Final = "closest.toml"
 """Twin file of the closest twin, beside gap.json."""

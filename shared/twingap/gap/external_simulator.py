@@ -29,12 +29,10 @@ from twingap.effects.by_state import unit_of
 from twingap.effects.impact_train import response_of
 from twingap.errors import TwingapError
 from twingap.identification.baseline import level_of_own
-from twingap.records import Condition, Record, RecordSet
+from twingap.records import Array, Condition, Record, RecordSet
 from twingap.signal.record_transforms import Frame
 from twingap.streams import Streams
 from twingap.twins.simulator import streams_of, why_not
-
-Array = NDArray[np.float64]
 
 NEAR_SPEED: Final = 0.06
 """Log ratio of speeds up to which a simulated record keeps its own speed: features are relative to each record's

@@ -20,10 +20,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from twingap.records import Array
 from twingap.study.rivals import Examples, Filled, Rival
 from twingap.study.verdicts import Found
-
-Array = NDArray[np.float64]
 
 LEVEL: Final = 0.05
 """Level of the test, and of each effect's test for its just detectable amplitude; larger claims more gaps."""

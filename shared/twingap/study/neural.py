@@ -20,12 +20,10 @@ from contextlib import contextmanager, redirect_stdout
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from twingap.records import Array
 from twingap.study.rivals import Examples, Filled, Rival, named
 from twingap.study.verdicts import Found
-
-Array = NDArray[np.float64]
 
 COMPONENTS: Final = 50
 """Principal components of the statistics; more keep more detail and need more training worlds."""

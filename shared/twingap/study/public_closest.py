@@ -13,7 +13,6 @@ from dataclasses import dataclass, replace
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from twingap.effects import trainable
@@ -35,8 +34,6 @@ from twingap.streams import root_entropy
 from twingap.twins.population import machines
 from twingap.twins.simulator import TwinSimulator
 from twingap.twins.twin_file import TwinSpec
-
-Array = NDArray[np.float64]
 
 PIECE_S: Final = 2.0
 """Length of a record, s. Longer records resolve closer lines, and are fewer."""

@@ -9,16 +9,13 @@ from __future__ import annotations
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from twingap.gap.features.registry import NAMES, measure
 from twingap.identification.calibrate import CLEAR_COMB, calibrate
 from twingap.identification.speed_reading import comb_heights
-from twingap.records import RecordSet
+from twingap.records import Array, RecordSet
 from twingap.signal.record_transforms import RecordTransforms
 from twingap.twins.twin_file import TwinSpec
-
-Array = NDArray[np.float64]
 
 OUTLYING: Final = 6.0
 """Threshold of an outlying signature, in robust standard deviations; larger reports fewer."""

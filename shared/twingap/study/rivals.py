@@ -18,11 +18,9 @@ from typing import Any, ClassVar, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from twingap.records import RecordSet
+from twingap.records import Array, RecordSet
 from twingap.study import statistics
 from twingap.study.verdicts import Found
-
-Array = NDArray[np.float64]
 
 PERMUTATIONS: Final = 39
 """Permutations of the two-sample test; fewer than 19 can never reach p = 0.05, more give a finer p-value."""

@@ -13,14 +13,11 @@ from functools import cache
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import signal
 from scipy.stats import kurtosis, skew
 
 from twingap.bearing import Bearing
-from twingap.records import Record, RecordSet
-
-Array = NDArray[np.float64]
+from twingap.records import Array, Record, RecordSet
 
 BANDS: Final = 16
 """Bands of equal width whose power is a statistic each."""

@@ -15,13 +15,11 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from twingap.gap.distance.feature_vectors import FeatureVectors
 from twingap.gap.distance.paired import Paired
 from twingap.gap.report.model import Interval
-
-Array = NDArray[np.float64]
+from twingap.records import Array
 
 LEVEL: Final = 0.9
 """Probability of intervals."""

@@ -26,8 +26,8 @@ from twingap.gap.distance.two_sample_tests import (
     mmd_test,
 )
 from twingap.gap.report.model import Interval, Metric, TwoSampleTest
+from twingap.records import Array
 
-Array = NDArray[np.float64]
 TrainingSets = tuple[tuple[FeatureVectors, Sequence[str]] | None, tuple[FeatureVectors, Sequence[str]] | None]
 """Simulated records and their faults, of the twin before and after."""
 

@@ -17,9 +17,7 @@ from twingap.gap.distance.domains import DOMAIN, PER_DECIBEL
 from twingap.gap.distance.feature_vectors import FeatureVectors
 from twingap.gap.distance.paired import Paired
 from twingap.gap.report.model import Curve
-from twingap.records import Condition
-
-Array = NDArray[np.float64]
+from twingap.records import Array, Condition
 
 _FAULT_WORDS: Final[Mapping[str, str]] = {
     "healthy": "healthy", "outer": "outer race fault", "inner": "inner race fault", "ball": "ball fault",

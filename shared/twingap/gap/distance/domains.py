@@ -21,10 +21,9 @@ from numpy.typing import NDArray
 from twingap.effects import measurements
 from twingap.gap.distance.domain_names import DomainName
 from twingap.gap.distance.grid import SEGMENTS, Axis, Grid
+from twingap.records import Array
 from twingap.signal.order_statistics import order_statistics
 from twingap.signal.record_transforms import RecordTransforms, between_blocks, medians
-
-Array = NDArray[np.float64]
 
 PER_DECIBEL: Final = 10 / np.log(10)
 """Decibels of a natural logarithm of power."""

@@ -18,10 +18,8 @@ from twingap.errors import TwingapError
 from twingap.gap.distance.domain_names import DomainName
 from twingap.gap.distance.domains import DOMAINS
 from twingap.gap.distance.grid import Axis, Grid, require_length
-from twingap.records import Condition
+from twingap.records import Array, Condition
 from twingap.signal.record_transforms import RecordTransforms
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -11,13 +11,10 @@ from functools import cached_property
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from twingap.bearing import Bearing
 from twingap.errors import TwingapError
-from twingap.records import Condition
-
-Array = NDArray[np.float64]
+from twingap.records import Array, Condition
 
 FEWEST_SAMPLES: Final = 64
 """Smallest number of samples of a record. Fewer give no usable spectrum."""

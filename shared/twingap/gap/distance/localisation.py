@@ -25,9 +25,8 @@ from twingap.gap.distance.paired import Paired
 from twingap.gap.distance.stratification import varies
 from twingap.gap.distance.two_sample_tests import Choice, exchanges
 from twingap.gap.report.model import Change, Place, Sign
-from twingap.records import Condition
+from twingap.records import Array, Condition
 
-Array = NDArray[np.float64]
 Single = NDArray[np.float32]
 
 ALPHA: Final = 0.05

@@ -25,8 +25,8 @@ from twingap.errors import TwingapError
 from twingap.gap.distance.domain_names import DomainName
 from twingap.gap.distance.feature_vectors import FeatureVectors
 from twingap.gap.distance.stratification import detrended, independent_units, slopes, strata
+from twingap.records import Array
 
-Array = NDArray[np.float64]
 Places = NDArray[np.int64]
 
 _LARGEST_POOL: Final = 512

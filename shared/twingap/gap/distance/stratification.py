@@ -12,9 +12,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from twingap.records import Condition
+from twingap.records import Array, Condition
 
-Array = NDArray[np.float64]
 Places = NDArray[np.int64]
 
 _VARIES: Final = 0.05

@@ -23,9 +23,8 @@ from numpy.typing import NDArray
 
 from twingap.gap.distance.paired import Paired
 from twingap.gap.report.model import TwoSampleTest
-from twingap.records import Condition
+from twingap.records import Array, Condition
 
-Array = NDArray[np.float64]
 Choice = NDArray[np.int64]
 
 AUC_TEST: Final = "classifier two-sample test (AUC)"

@@ -16,7 +16,6 @@ from collections.abc import Iterable, Iterator
 from functools import cache
 
 import numpy as np
-from numpy.typing import NDArray
 
 from twingap.gap.distance.feature_vectors import measure_vectors
 from twingap.gap.distance.grid import Grid
@@ -25,10 +24,8 @@ from twingap.gap.features.measured import Measured, Pair
 from twingap.gap.features.pooled import features as pooled
 from twingap.gap.features.spectrum.record_summary import RecordSummary, summarise
 from twingap.identification.speed import Speeds
-from twingap.records import Record
+from twingap.records import Array, Record
 from twingap.signal.record_transforms import Frame, RecordTransforms
-
-Array = NDArray[np.float64]
 
 
 def measure_records(records: Iterable[Record], frame: Frame, grid: Grid) -> Measured:

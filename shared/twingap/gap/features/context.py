@@ -8,14 +8,12 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from twingap.gap.features.group_statistics import extent
 from twingap.gap.features.measured import Pair
 from twingap.gap.features.registry import NAMES as RECORD_NAMES
 from twingap.identification.speed import Speeds
-
-Array = NDArray[np.float64]
+from twingap.records import Array
 
 NAMES: Final = (
     "records", "healthy_share", "log_samples", "log_turns", "speeds", "span_s",

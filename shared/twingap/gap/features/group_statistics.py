@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 from twingap.gap.features.measured import Measured, Pair
 from twingap.gap.features.pooled.trends import about_means, covariates, normal_deviate, slope
 from twingap.gap.features.registry import NAMES, OF_IMPACTS
+from twingap.records import Array
 from twingap.signal.record_transforms import known_medians
 
-Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 GROUPS: Final = {True: ("all", "outer", "inner", "ball"), False: ("all", "healthy", "faulty")}

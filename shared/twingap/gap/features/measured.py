@@ -13,9 +13,7 @@ from twingap.gap.distance.feature_vectors import FeatureVectors
 from twingap.gap.features.pooled.features import PooledRecords
 from twingap.gap.features.spectrum import path
 from twingap.gap.features.spectrum.record_summary import RecordSummary
-from twingap.records import Condition
-
-Array = NDArray[np.float64]
+from twingap.records import Array, Condition
 
 
 @dataclass(frozen=True)

@@ -36,9 +36,8 @@ from twingap.gap.features.measured import Pair
 from twingap.gap.features.spectrum import change, difference, path
 from twingap.gap.features.spectrum import features as spectrum
 from twingap.gap.features.tones import features as tones
+from twingap.records import Array
 from twingap.signal.record_transforms import RecordTransforms
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -13,9 +13,9 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from twingap.records import Array
 from twingap.trees import Trees
 
-Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 FOLDS: Final = 5

@@ -10,7 +10,6 @@ from collections.abc import Iterator, Sequence
 from dataclasses import fields
 
 import numpy as np
-from numpy.typing import NDArray
 
 from twingap.effects import Effect, trainable
 from twingap.errors import TwingapError
@@ -20,8 +19,6 @@ from twingap.gap.knowledge.simulated_gaps import SimulatedGap, draw_gap
 from twingap.gap.search.evidence import Compared, Evidence, simulator_of
 from twingap.gap.search.parameter_scale import Setting, to_number, trained_coordinates, with_errors
 from twingap.identification.calibrate import calibrate
-
-Array = NDArray[np.float64]
 
 
 def examples(seed: int, machines: Sequence[int], most_records: int) -> Examples:

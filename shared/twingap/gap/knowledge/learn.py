@@ -20,8 +20,8 @@ from twingap.gap.knowledge.detectors import Ensemble, Estimator, Table, learn_cl
 from twingap.gap.knowledge.effect_features import columns
 from twingap.gap.knowledge.learnt import NO_DETECTOR, Learnt, any_effect, any_gap_inputs
 from twingap.gap.knowledge.null import MachineScores, Null
+from twingap.records import Array
 
-Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 

@@ -13,8 +13,7 @@ from twingap.gap.knowledge.detectability import Detectability
 from twingap.gap.knowledge.detectors import Ensemble, Estimator
 from twingap.gap.knowledge.null import NO_MACHINES, MachineScores, Null
 from twingap.gap.knowledge.score_calibration import ScoreCalibration
-
-Array = NDArray[np.float64]
+from twingap.records import Array
 
 NO_DETECTOR: Final = -6.0
 """Log odds of an effect without a detector, or of one that the twin has."""

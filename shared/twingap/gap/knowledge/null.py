@@ -12,7 +12,8 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from twingap.records import Array
+
 Mask = NDArray[np.bool_]
 
 RECORDS: Final = "context|records"

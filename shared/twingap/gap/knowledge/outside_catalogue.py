@@ -16,13 +16,10 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.signal import hilbert, istft, stft
 
 from twingap.effects.drawing import log_uniform
-from twingap.records import Record, RecordSet
-
-Array = NDArray[np.float64]
+from twingap.records import Array, Record, RecordSet
 
 
 @dataclass(frozen=True)

@@ -15,9 +15,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from twingap.records import Array
 from twingap.signal.record_transforms import RecordTransforms, medians
-
-Array = NDArray[np.float64]
 
 NAMES: Final[tuple[str, ...]] = (
     "clip_excess", "clip_fraction_log", "clip_rail_log", "clip_both", "clip_repeats", "clip_offset", "peak_to_peak_log",

@@ -19,9 +19,9 @@ import numpy as np
 import scipy.fft
 from numpy.typing import NDArray
 
+from twingap.records import Array
 from twingap.signal.record_transforms import RecordTransforms, band_medians, medians
 
-Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
 SEARCH: Final = 0.06

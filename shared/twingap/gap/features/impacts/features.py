@@ -16,13 +16,11 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import nnls
 
 from twingap.gap.features.impacts import envelope_comb, impact_pairs, impacts
+from twingap.records import Array
 from twingap.signal.record_transforms import RecordTransforms, medians
-
-Array = NDArray[np.float64]
 
 NAMES: Final[tuple[str, ...]] = (
     "evidence", "rate_log_ratio", "shaft_log_ratio", "harmonic_1", "harmonic_2", "harmonic_3", "harmonic_4",

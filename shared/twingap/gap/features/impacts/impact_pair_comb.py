@@ -17,14 +17,12 @@ from typing import Final, NamedTuple
 
 import numpy as np
 import scipy.fft
-from numpy.typing import NDArray
 
 from twingap.bearing import Bearing
 from twingap.gap.features.impacts.impulse_response import ImpactSpectrum, standing_out
 from twingap.gap.features.impacts.smooth_path import highest, log_likelihood_ratios
+from twingap.records import Array
 from twingap.signal.record_transforms import mean_of_five
-
-Array = NDArray[np.float64]
 
 _KINDS: Final = ("clear", "faint")
 NAMES: Final[tuple[str, ...]] = tuple(

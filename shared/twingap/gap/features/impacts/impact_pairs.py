@@ -18,9 +18,9 @@ import scipy.fft
 from numpy.typing import NDArray
 
 from twingap.gap.features.impacts.impacts import PHASES, Impacts
+from twingap.records import Array
 from twingap.signal.record_transforms import RecordTransforms, mean_of_five, medians, taper
 
-Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
 FINEST_SAMPLES: Final = 2.0

@@ -18,9 +18,9 @@ import scipy.fft
 from numpy.typing import NDArray
 
 from twingap.gap.features.impacts.envelope_comb import BandSignal, Track
+from twingap.records import Array
 from twingap.signal.record_transforms import medians
 
-Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
 PHASES: Final = 96

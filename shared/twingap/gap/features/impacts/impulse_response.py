@@ -18,9 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twingap.gap.features.tones.tones import lines_of
+from twingap.records import Array
 from twingap.signal.record_transforms import RecordTransforms, once_a_record
-
-Array = NDArray[np.float64]
 
 PLACES: Final = 64
 """Equal bands between 0 and half the sampling rate."""

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 
-Array = NDArray[np.float64]
+from twingap.records import Array
 
 _LENGTHS: Final = (1.5, 4.0, 10.0)
 """Correlation lengths of the path that are tried, harmonics."""

@@ -19,9 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twingap.gap.features.spectrum.record_summary import RecordSummary
-from twingap.records import Condition
-
-Array = NDArray[np.float64]
+from twingap.records import Array, Condition
 
 FEWEST: Final = 4
 """Records below which no slope is computed."""

@@ -18,15 +18,13 @@ from collections.abc import Sequence
 from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from twingap.gap.features.impacts.parallel_mode import Path
 from twingap.gap.features.impacts.response_sampling import continuous
 from twingap.gap.features.spectrum.record_summary import RecordSummary, log_bands
 from twingap.gap.features.spectrum.smooth_shape import mode_shape
+from twingap.records import Array
 from twingap.signal.record_transforms import mean_of_five
-
-Array = NDArray[np.float64]
 
 NOISE_BANDS: Final = 128
 """Bands of noise spectra: more resolve sharper changes, each with more noise."""

@@ -18,9 +18,8 @@ from numpy.typing import NDArray
 from twingap._compiled import njit
 from twingap.gap.features.spectrum.record_summary import SmoothSpectrum, log_bands
 from twingap.gap.features.spectrum.smooth_shape import bump, mode_shape, slope_of
+from twingap.records import Array
 from twingap.signal.record_transforms import medians
-
-Array = NDArray[np.float64]
 
 # Grids of the fitted shapes: finer ones explain a little more of a difference, and take longer.
 _CENTRES, _DAMPINGS, _GAINS = np.geomspace(0.015, 0.48, 40), np.geomspace(0.01, 0.2, 5), np.geomspace(0.03, 100, 10)

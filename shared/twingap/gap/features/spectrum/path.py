@@ -21,8 +21,7 @@ from numpy.typing import NDArray
 
 from twingap._compiled import njit
 from twingap.gap.features.spectrum.record_summary import RecordSummary, log_bands
-
-Array = NDArray[np.float64]
+from twingap.records import Array
 
 BANDS: Final = 64
 """Bands that spectra are fitted in: more resolve sharper modes, each with more noise."""

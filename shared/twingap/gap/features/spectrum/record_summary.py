@@ -8,14 +8,11 @@ from __future__ import annotations
 from typing import NamedTuple, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from twingap.gap.features.impacts.impulse_response import ImpactSpectrum, impact_spectrum
 from twingap.gap.features.tones.whitened_spectra import Whitened, whiten
-from twingap.records import Condition
+from twingap.records import Array, Condition
 from twingap.signal.record_transforms import Frame, RecordTransforms
-
-Array = NDArray[np.float64]
 
 
 class RecordSummary(NamedTuple):

@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 
 from twingap._compiled import njit
 from twingap.gap.features.tones.whitened_spectra import Whitened
+from twingap.records import Array
 
-Array = NDArray[np.float64]
 Single = NDArray[np.float32]
 
 

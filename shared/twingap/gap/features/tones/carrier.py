@@ -17,9 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twingap.gap.features.tones.whitened_spectra import MOST_Z, Mean, Whitened, combined_z
+from twingap.records import Array
 from twingap.signal.record_transforms import medians
 
-Array = NDArray[np.float64]
 Single = NDArray[np.float32]
 
 _EACH: Final = ("", "_fs", "_sides", "_balance", "_side_order", "_steady", "_sharp", "_turning")

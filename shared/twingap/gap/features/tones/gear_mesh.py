@@ -19,9 +19,9 @@ from scipy.ndimage import median_filter
 
 from twingap.gap.features.tones.aligned_combs import aligned
 from twingap.gap.features.tones.whitened_spectra import Whitened
+from twingap.records import Array
 from twingap.signal.record_transforms import medians
 
-Array = NDArray[np.float64]
 Single = NDArray[np.float32]
 
 _EACH: Final = ("", "_main", "_sides", "_teeth", "_rival")

@@ -18,7 +18,6 @@ from twingap.gap.features.tones.aligned_combs import aligned
 from twingap.gap.features.tones.whitened_spectra import Whitened
 from twingap.signal.record_transforms import medians
 
-Array = NDArray[np.float64]
 Single = NDArray[np.float32]
 
 _RACES: Final = ("outer", "inner")

@@ -17,9 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twingap._compiled import njit
+from twingap.records import Array
 from twingap.signal.record_transforms import RecordTransforms, between_blocks, medians, once_a_record
-
-Array = NDArray[np.float64]
 
 SEARCH: Final = 0.055
 """Largest relative error of the stated speed. A larger one finds worse speeds, and more chance matches."""

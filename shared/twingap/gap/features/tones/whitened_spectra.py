@@ -18,9 +18,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twingap.gap.features.impacts.impulse_response import impact_rate_hz
+from twingap.records import Array
 from twingap.signal.record_transforms import RecordTransforms, local_floor, medians
 
-Array = NDArray[np.float64]
 Single = NDArray[np.float32]
 Half = NDArray[np.float16]
 
