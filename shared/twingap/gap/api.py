@@ -183,7 +183,7 @@ def _diagnosed(
     before = held_out.replicates(found.before.simulator, found.before.effects, held_out.most)
     first = Paired(held_out.real, before)
     located = locate(first, rng)
-    tests = tuple(test.test for test in two_sample_tests(first, rng))
+    tests = two_sample_tests(first, rng)
     after = before
     if found.gap and found.after.effects:
         after = held_out.replicates(found.after.simulator, found.after.effects, held_out.fewer)

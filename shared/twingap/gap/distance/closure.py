@@ -39,8 +39,6 @@ class Closure:
         (before - after) / (before - floor), clipped to -10 .. 2; 0 where there was no gap to close.
     ci : (float, float)
         90 % interval.
-    after_ci : (float, float)
-        90 % interval of the gap after.
     """
 
     before: float
@@ -48,7 +46,6 @@ class Closure:
     floor: float
     closure: float
     ci: Interval
-    after_ci: Interval
 
 
 def closure(before: float, after: float, floor: float) -> float:
@@ -60,10 +57,7 @@ def closure(before: float, after: float, floor: float) -> float:
 
 
 def paired(
-    real: FeatureVectors,
-    before: Sequence[FeatureVectors],
-    after: Sequence[FeatureVectors],
-    scale: Array | None = None,
+    real: FeatureVectors, before: Sequence[FeatureVectors], after: Sequence[FeatureVectors], scale: Array | None = None
 ) -> tuple[Paired, Paired]:
     """Comparisons before and after, both standardised by `scale` [bins], or by the smaller of their spreads."""
     first, second = Paired(real, before), Paired(real, after)
@@ -74,24 +68,15 @@ def paired(
 def closure_interval(
     before: Paired, after: Paired, floor: float, rng: np.random.Generator, draws: int = 400
 ) -> Closure:
-    """Closure from two comparisons of the same records, with intervals from one bootstrap of both.
+    """Closure from two comparisons, made by `paired`, with an interval from one bootstrap of both.
 
-    Parameters
-    ----------
-    before, after : Paired
-        From `paired`.
-    floor : float
-        From `Paired.floor` of the comparison after.
-    rng : numpy.random.Generator
-    draws : int
-        Of the bootstrap.
+    `floor` is that of the comparison after, from `Paired.floor`.
     """
     (b,), (a,) = before.over_domains(before.squares())[0], after.over_domains(after.squares())[0]
     signs = before.draw_residuals(rng, draws)
     drawn_b, drawn_a = (p.over_domains(p.resampled(signs))[0] for p in (before, after))
     value = closure(float(b), float(a), floor)
-    ci = percentile_interval(_closures(drawn_b, drawn_a, floor), value)
-    return Closure(float(b), float(a), floor, value, ci, percentile_interval(drawn_a, float(a)))
+    return Closure(float(b), float(a), floor, value, percentile_interval(_closures(drawn_b, drawn_a, floor), value))
 
 
 def _closures(before: Array, after: Array, floor: float) -> Array:

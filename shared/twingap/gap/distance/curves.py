@@ -31,21 +31,10 @@ def curves(
     after: Sequence[FeatureVectors] | None = None,
     bearing: Bearing | None = None,
 ) -> Mapping[str, Curve]:
-    """Curves of each domain: medians over records, with bands that contain 90 % of them.
+    """Curves of each domain by name: medians over records, with bands that contain 90 % of them.
 
-    Parameters
-    ----------
-    real : FeatureVectors
-    before, after : sequence of FeatureVectors [replicates]
-        Simulated for the same conditions.
-    bearing : Bearing, optional
-        Its orders are marked on the envelope spectra, one for each fault that is known of two records or more.
-
-    Returns
-    -------
-    Mapping, name -> Curve
-        "spectrum", "lines", "envelope" (or "envelope-outer" and others, by fault), "order", "amplitude", "time", and
-        "condition" (RMS by fault or speed).
+    One for each `CurveStyle` of the domains, that of the envelope by fault ("envelope-outer"), and "condition" (RMS by
+    fault or speed). The bearing's orders are marked on the envelope spectra.
     """
     pair = Paired(real, before)
     out = {}
@@ -57,13 +46,10 @@ def curves(
             values = partial(_columns, domain=name, columns=chosen, factor=style.factor)
             if style.name == "envelope" and (faults := _known_faults(pair.conditions)):
                 for fault in faults:
-                    sets = [_of_fault(v, pair.conditions, fault) for v in (real, *before, *(after or ()))]
-                    own, sims = sets[0], sets[1:]
+                    places = [i for i, c in enumerate(pair.conditions) if c.fault == fault]
+                    own, first, last = ([v.take(places) for v in side] for side in ((real,), before, after or ()))
                     title = f"{style.title}, {_FAULT_WORDS.get(fault, fault)}"
-                    curve = _curve(
-                        x, axis.unit, style.y_unit, title, name, values, own, sims[: len(before)],
-                        sims[len(before) :] or None,
-                    )  # fmt: skip
+                    curve = _curve(x, axis.unit, style.y_unit, title, name, values, own[0], first, last or None)
                     out[f"envelope-{fault}"] = replace(curve, marks=_marks(bearing, fault, float(axis.hi.max())))
                 continue
             out[style.name] = _curve(x, axis.unit, style.y_unit, style.title, name, values, real, before, after)
@@ -89,10 +75,6 @@ def _known_faults(conditions: Sequence[Condition]) -> list[str]:
     known = [fault for fault, count in counts.items() if count > 1]
     order = [*_FAULT_WORDS, *known]
     return sorted(known, key=order.index)
-
-
-def _of_fault(vectors: FeatureVectors, conditions: Sequence[Condition], fault: str) -> FeatureVectors:
-    return vectors.take([i for i, c in enumerate(conditions) if c.fault == fault])
 
 
 def _marks(bearing: Bearing | None, fault: str, largest: float) -> dict[str, float]:

@@ -74,11 +74,7 @@ class FeatureVectors:
 def measure_vectors(records: Iterable[RecordTransforms], grid: Grid) -> FeatureVectors:
     """Measure records one after the other; a generator's records need not be in memory together.
 
-    Parameters
-    ----------
-    records : iterable of RecordTransforms
-    grid : Grid
-        The same for all sets that are to be compared.
+    `grid` is the same for all sets that are to be compared.
 
     Raises
     ------

@@ -34,7 +34,6 @@ class Axis:
         Bounds of each, in `unit`.
     kind : tuple of str [bins]
         Quantity of each bin ("level", "lines", ...); bins of one kind are in ascending order.
-    unit : str
     """
 
     lo: Array
@@ -59,9 +58,8 @@ class Grid:
     ----------
     top_hz : float
         Half the smallest sampling rate.
-    top_order : float
-        Highest shaft order below half the sampling rate of every record.
-    top_envelope_order : float
+    top_order, top_envelope_order : float
+        Highest shaft order below half the sampling rate of every record, and highest order of envelope spectra.
     duration_s : float
         Median duration of the records, s; the axis of the domain "time".
 
