@@ -31,13 +31,8 @@ from twingap.signal.record_transforms import Frame, RecordTransforms
 def measure_records(records: Iterable[Record], frame: Frame, grid: Grid) -> Measured:
     """Measure all record features and feature vectors, one record in memory at a time.
 
-    Parameters
-    ----------
-    records : iterable of Record
-    frame : Frame
-        Bearing, band and amplitude scale.
-    grid : Grid
-        Bins of the feature vectors: the same for sets that are to be compared.
+    `frame` is bearing, band and amplitude scale, `grid` the bins of feature vectors; both are the same for sets that
+    are to be compared.
     """
     values: list[Array] = []
     summaries: list[RecordSummary] = []
@@ -69,7 +64,6 @@ def compare(pair: Pair, speeds: Speeds | None, of_pooled: Array, *, has_effects:
 
     Parameters
     ----------
-    pair : Pair
     speeds : Speeds or None
         Speed correction and cage slip from the calibration.
     of_pooled : Array

@@ -29,18 +29,7 @@ larger value leaves more spins unknown."""
 
 
 def measure(pair: Pair, speeds: Speeds | None, statistics: Array, *, has_effects: bool) -> Array:
-    """[NAMES] Context of one comparison.
-
-    Parameters
-    ----------
-    pair : Pair
-    speeds : Speeds or None
-        From calibration.
-    statistics : Array
-        From `group_statistics.compare`.
-    has_effects : bool
-        Whether the given twin has effects, of which the machine may have a variant.
-    """
+    """[NAMES] Context of one comparison; arguments as `comparison.compare`, statistics of `group_statistics`."""
     return np.concatenate((_conditions(pair, speeds, has_effects), _slip(pair), extent(statistics)))
 
 

@@ -62,15 +62,10 @@ class Measured:
 
 @dataclass(frozen=True)
 class Pair:
-    """Measured records and simulated ones.
+    """Measured records and simulated ones; of the same conditions in the same order, they compare record by record.
 
-    Parameters
-    ----------
-    real, simulated : Measured
-        Where both have the same conditions in the same order, features compare record by record.
-    external : bool
-        Whether the simulated records are from the user's simulator of this machine. The response is then sampled in
-        the same way on both sides, and no parameter was fitted.
+    `external` is whether the simulated records are from the user's simulator of this machine. The response is then
+    sampled in the same way on both sides, and no parameter was fitted.
     """
 
     real: Measured

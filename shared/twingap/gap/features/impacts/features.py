@@ -32,10 +32,8 @@ NAMES: Final[tuple[str, ...]] = (
     "phase_lock", "level", "snr",
 )  # fmt: skip
 """Keys of `measure`. Natural logs where the name ends in log, level, snr, gain or evidence."""
-
 _TIMING_FLOOR: Final = 1e-3
 """Floor of timing spreads in their logarithms, passes. A smaller value takes measurement noise for differences."""
-
 _STRENGTH_FLOOR: Final = 0.02
 """The same for relative strength spreads."""
 

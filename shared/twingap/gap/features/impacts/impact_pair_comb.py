@@ -73,25 +73,20 @@ class _Ratio(NamedTuple):
 def compare(
     real: Sequence[ImpactSpectrum], simulated: Sequence[ImpactSpectrum], bearing: Bearing, noise: Array | None = None
 ) -> dict[str, float]:
-    """Combs in the ratio of measured to simulated power over harmonics.
+    """`NAMES` -> value of combs in the ratio of measured to simulated power over harmonics; NaN where it is not known.
+
+    `known` ln of the number of harmonics; `gain` ln of what is left without a comb over what the best one leaves;
+    `score` ln(1 + gain root of known); `same`, `opposed` the gain where the second impact has the sign of the first or
+    the other; `arc_log` ln deg, `ratio` signed. `smooth_path_gain` ln(1 + log likelihood ratio) of the best comb where
+    the path may be any smooth curve, `smooth_path_ratio` its ratio.
 
     Parameters
     ----------
     real, simulated : sequence of ImpactSpectrum
         Of all records.
-    bearing : Bearing
     noise : Array [impulse_response.PLACES], optional
         ln of the measured over the simulated spectrum of noise, which passes the same path: what the ratio of impacts
         shares with it is taken out.
-
-    Returns
-    -------
-    dict[str, float]
-        `NAMES` -> value, NaN where it is not known. `known` ln of the number of harmonics; `gain` ln of what is left
-        without a comb over what the best one leaves; `score` ln(1 + gain root of known); `same`, `opposed` the gain
-        where the second impact has the sign of the first or the other; `arc_log` ln deg, `ratio` signed.
-        `smooth_path_gain` ln(1 + log likelihood ratio) of the best comb where the path may be any smooth curve,
-        `smooth_path_ratio` its ratio.
     """
     out = dict.fromkeys(NAMES, math.nan)
     faults = sorted({s.fault for s in real} & {s.fault for s in simulated})

@@ -25,7 +25,6 @@ Complex = NDArray[np.complex128]
 
 PHASES: Final = 96
 """Bins of a pass in the mean cycle."""
-
 _FEWEST: Final = 8
 """Impacts that a record must have: with fewer, the common waveform is mostly noise."""
 
@@ -75,7 +74,9 @@ def measure_impacts(band: BandSignal, course: Track) -> Impacts | None:
     spacing = fs / course.rate_hz
     if spacing < 6:
         return None
-    phase = _extended(course, np.arange(z.size) / fs)
+    # Passes at each sample; beyond the ends of the track's grid at the mean rate.
+    t = np.arange(z.size) / fs
+    phase = course.rate_hz * t + np.interp(t, course.grid_s, course.phase - course.rate_hz * course.grid_s)
     bins = np.minimum(((phase - np.floor(phase)) * PHASES).astype(int), PHASES - 1)
     hits = np.maximum(np.bincount(bins, minlength=PHASES), 1)
     cycle = np.bincount(bins, weights=squared, minlength=PHASES) / hits
@@ -137,22 +138,8 @@ def measure_impacts(band: BandSignal, course: Track) -> Impacts | None:
         angle = np.angle((ideal * turn)[rows, top] * np.exp(2j * np.pi * carrier * (place_off - used[top]) / fs))
         error = place_off - angle / (2 * np.pi * carrier / fs)
     return Impacts(
-        numbers - numbers[0],
-        tau / fs,
-        strength,
-        noise,
-        error / fs,
-        strength_off - clean,
-        clean,
-        cycle,
-        locked,
+        numbers - numbers[0], tau / fs, strength, noise, error / fs, strength_off - clean, clean, cycle, locked
     )
-
-
-def _extended(course: Track, t: Array) -> Array:
-    """Phase of the train at any time of the record, passes; beyond the grid's ends at the mean rate."""
-    wander = course.phase - course.rate_hz * course.grid_s
-    return np.asarray(course.rate_hz * t + np.interp(t, course.grid_s, wander))
 
 
 def _extent(cycle: Array) -> tuple[float, float]:

@@ -69,14 +69,11 @@ class ImpactSpectrum(NamedTuple):
 
 
 def measure(record: RecordTransforms) -> dict[str, float]:
-    """Features of the impacts' spectrum in one record.
+    """`NAMES` -> value of the impacts' spectrum in one record.
 
-    Returns
-    -------
-    dict[str, float]
-        `power_log` log10 of its RMS over scale, `clear` part of its harmonics that stand out of the noise,
-        `centroid_log` log10 of their centre as a part of the sampling rate, `high_log` log10 of the power above a
-        quarter of the sampling rate over that below.
+    `power_log` log10 of its RMS over scale, `clear` part of its harmonics that stand out of the noise, `centroid_log`
+    log10 of their centre as a part of the sampling rate, `high_log` log10 of the power above a quarter of the sampling
+    rate over that below.
     """
     out = dict.fromkeys(NAMES, math.nan)
     found = impact_spectrum(record)
@@ -152,18 +149,10 @@ def standing_out(power: Array, error: Array, clear: float = _CLEAR) -> Array:
 def compare(
     real: Sequence[ImpactSpectrum], simulated: Sequence[ImpactSpectrum], noise: Array | None
 ) -> dict[str, float]:
-    """Ratio of measured to simulated impact spectra, as features.
+    """`COMPARED` -> value of the ratio of measured to simulated impact spectra; NaN where it is not known.
 
-    Parameters
-    ----------
-    real, simulated : sequence of ImpactSpectrum
-    noise : Array [PLACES] or None
-        ln of the measured over the simulated spectrum of healthy records.
-
-    Returns
-    -------
-    dict[str, float]
-        `COMPARED` -> value, NaN where it is not known. Ratios are log10, frequencies parts of the sampling rate.
+    Ratios are log10, frequencies parts of the sampling rate. `noise` [PLACES] is ln of the measured over the simulated
+    spectrum of healthy records.
     """
     out = dict.fromkeys(COMPARED, math.nan)
     faults = sorted({s.fault for s in real} & {s.fault for s in simulated})

@@ -81,18 +81,9 @@ class Path:
 
 
 def ring_down_response(f: Array, place: Array | float, damping: Array | float) -> Complex:
-    """Minimum-phase response of sampled ring-down, about 1 at its peak.
+    """Minimum-phase response of sampled ring-down, about 1 at its peak; frequencies are parts of the sampling rate.
 
     The delay of one sample is left out here and in `least_phase`; it cancels in their ratio.
-
-    Parameters
-    ----------
-    f : Array [...]
-        Parts of the sampling rate.
-    place : Array [...] or float
-        Natural frequency, the same.
-    damping : Array [...] or float
-        Damping ratio.
     """
     w, turn = 2 * math.pi * place, np.exp(-2j * np.pi * f)
     decay, angle = np.exp(-damping * w), w * np.sqrt(1 - damping**2)

@@ -18,19 +18,8 @@ from twingap.signal.record_transforms import Frame, RecordTransforms
 class RecordSummary(NamedTuple):
     """Summary of one record.
 
-    Parameters
-    ----------
-    condition : Condition
-    frame : Frame
-    fs_hz : float
-    smooth : Array [record_transforms.SMOOTH_SEGMENTS]
-        Power density, unit^2 / Hz.
-    whitened : Whitened
-        For lines in means over records.
-    impact_spectrum : ImpactSpectrum or None
-        None without impacts.
-    rms : float
-        About the mean, in the unit of the records.
+    `smooth` [record_transforms.SMOOTH_SEGMENTS] is a power density, unit^2 / Hz; `whitened` is for lines in means over
+    records; `rms` is about the mean, in the unit of the records.
     """
 
     condition: Condition

@@ -50,16 +50,8 @@ def aligned(
 ) -> Aligned:
     """Score of each comb in each record, at the speed within reach where it stands highest.
 
-    Parameters
-    ----------
-    records : sequence of Whitened
-    deviates : sequence of Single [bins]
-        Of each.
-    combs : Array [combs, lines]
-        Shaft orders of each comb's lines.
-    weights : Array [lines]
-    reach : sequence of float
-        Largest relative error of each record's speed.
+    `deviates` [bins] are of each record; `combs` [combs, lines] are shaft orders, weighted by `weights` [lines];
+    `reach` is the largest relative error of each record's speed.
     """
     score, total, count = np.full((len(combs), len(records)), np.nan), np.zeros(combs.shape), np.zeros(len(combs))
     for k, (record, own, far) in enumerate(zip(records, deviates, reach, strict=True)):
