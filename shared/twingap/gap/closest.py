@@ -57,8 +57,6 @@ def closest_of(
 
     Parameters
     ----------
-    held_out : HeldOut
-    learnt : Learnt
     before : sequence of FeatureVectors
         Replicates of the twin as given.
     of_named : Closure
@@ -67,10 +65,6 @@ def closest_of(
         Of the verdict; the twin as given and the floor are the same for both.
     scale : Array [bins]
         Of the verdict's comparisons.
-    replayed : Ceiling
-    rng : numpy.random.Generator
-    progress : callable
-        Called with a description of the current step and the completed part, 0 to 1.
     """
     evidence, found = held_out.evidence, held_out.found
     now = closest_twin(evidence, found, learnt, lambda what, part: progress(what, 0.6 * part))
@@ -102,28 +96,17 @@ def closest_of(
         )
         for share in shares
     )  # fmt: skip
-    report = ClosestTwin(
-        effects=tuple(
-            ClosestEffect(one.name, {**values_of_effect(one, {}), **line_counts(one, held_out)}) for one in now.effects
-        ),
-        closure=closed.closure, closure_ci=closed.ci, attribution=groups if closed.closure > 0 else (),
-        ceiling=replayed,
-        twin=CLOSEST_FILE if isinstance(now.simulator, TwinSimulator) else "",
-        metrics=_aligned(
-            closure_metrics(held_out.real, first, after, rng, more=held_out.training_sets(now), scale=scale), measures
-        ),
-    )  # fmt: skip
-    return report, now
-
-
-def _aligned(metrics: Sequence[Metric], measures: Sequence[Metric]) -> tuple[Metric, ...]:
-    """The measures of the closest twin, with the twin as given and the floor as in those of the verdict."""
+    own = closure_metrics(held_out.real, first, after, rng, more=held_out.training_sets(now), scale=scale)
+    # The twin as given and the floor are those of the verdict's measures, which were drawn with other random numbers.
     of = {measure.metric: measure for measure in measures}
-    return tuple(
-        replace(m, before=of[m.metric].before, ci_before=of[m.metric].ci_before, floor=of[m.metric].floor)
-        if m.metric in of else m
-        for m in metrics
-    )  # fmt: skip
+    stated = ((m, of.get(m.metric, m)) for m in own)
+    metrics = tuple(replace(m, before=o.before, ci_before=o.ci_before, floor=o.floor) for m, o in stated)
+    effects = tuple(
+        ClosestEffect(one.name, {**values_of_effect(one, {}), **line_counts(one, held_out)}) for one in now.effects
+    )
+    twin = CLOSEST_FILE if isinstance(now.simulator, TwinSimulator) else ""
+    shown = groups if closed.closure > 0 else ()
+    return ClosestTwin(effects, closed.closure, closed.ci, shown, replayed, twin, metrics), now
 
 
 def of_verdict(held_out: HeldOut, closed: Closure | None, replayed: Ceiling) -> ClosestTwin:
@@ -149,17 +132,9 @@ def line_counts(effect: Effect, held_out: HeldOut) -> dict[str, ParameterValue]:
 
 
 def ceiling(held_out: HeldOut, before: Sequence[FeatureVectors], floor: float) -> Ceiling:
-    """Closure that real records reach in place of the twin.
+    """Closure that real records reach in place of the twin, from the gap that replicates of it leave before.
 
     Each held-out record is compared with records of the fit part of the same fault and the nearest speeds.
-
-    Parameters
-    ----------
-    held_out : HeldOut
-    before : sequence of FeatureVectors
-        Replicates of the twin as given.
-    floor : float
-        Distance that sampling alone leaves.
     """
     conditions, fit = held_out.part.conditions, held_out.evidence.calibrated.fit.conditions
     column = next((name for name in UNIT_COLUMNS if any(c.extra.get(name) for c in fit)), None)

@@ -74,7 +74,6 @@ class ExternalSimulator:
         The simulated records.
     real : RecordSet
         Real records of the calibration: their level sets the gain.
-    bearing : Bearing
     reference_rms : float
         RMS of the real machine's healthy vibration (`Frame.scale`): the amplitude scale of effects where no simulated
         record is healthy.
@@ -165,14 +164,9 @@ class ExternalSimulator:
             record = Record(replace(condition, speed_rpm=speed_rpm), samples)
             if effects:
                 background = self._background_of(record, effects, (streams_root, replicate))
+                response = partial(self._response, condition.fs_hz)
                 record = apply_to_waveform(
-                    effects,
-                    record,
-                    self.bearing,
-                    self.reference_rms,
-                    streams,
-                    background,
-                    partial(self._response, condition.fs_hz),
+                    effects, record, self.bearing, self.reference_rms, streams, background, response
                 )
             out.append(record)
         return out

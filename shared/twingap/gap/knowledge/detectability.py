@@ -40,7 +40,6 @@ class Detectability:
 
     Parameters
     ----------
-    effects : tuple of str
     places : Mapping[str, Array]
         Columns of each effect's values.
     context : Array [columns]
@@ -83,15 +82,9 @@ def learn_detectability(
     ----------
     log_odds : Mapping[str, Array]
         Log odds [examples] of each effect, by detectors not trained on the machine.
-    missing : Mask [examples, effects]
-    values : Array [examples, parameters]
-    features : Array [examples, features]
+    missing, values, features : Array [examples, columns]
     effects, parameters, names : sequence
-        Names of the columns of `missing`, `values` and `features`.
-
-    Returns
-    -------
-    Detectability, Mask [examples, effects]
+        Names of their columns.
     """
     from sklearn.ensemble import RandomForestRegressor
 

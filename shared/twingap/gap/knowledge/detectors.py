@@ -64,16 +64,7 @@ class Ensemble:
 
 @dataclass(frozen=True)
 class Anchor:
-    """Linear function of one feature.
-
-    Parameters
-    ----------
-    column : int
-    logarithmic : bool
-        Whether it is linear in the feature's logarithm.
-    line : (float, float)
-        Slope and offset.
-    """
+    """Linear function of one feature, or of its logarithm; `line` is slope and offset."""
 
     column: int
     logarithmic: bool
@@ -134,11 +125,6 @@ def _on_lines(features: NDArray[Any], anchors: Sequence[Anchor], middle: float) 
     return np.where(np.isfinite(out), out, middle)
 
 
-def folds(machine: NDArray[np.int64], count: int = FOLDS) -> NDArray[np.int64]:
-    """[examples] Fold of each example; a machine is in one fold only."""
-    return np.asarray(machine % count)
-
-
 class Table:
     """Features of examples with their ranks, which all models share."""
 
@@ -177,18 +163,13 @@ class Table:
 
 
 def learn_classifier(
-    table: Table,
-    label: Mask,
-    machine: NDArray[np.int64],
-    allowed: Sequence[int],
-    first: Mask | None = None,
+    table: Table, label: Mask, machine: NDArray[np.int64], allowed: Sequence[int], first: Mask | None = None,
     counted: Mask | None = None,
-) -> Ensemble | None:
+) -> Ensemble | None:  # fmt: skip
     """A detector with calibrated log odds, or None where there are too few examples of either class.
 
     Parameters
     ----------
-    table : Table
     label : Mask [examples]
     machine : Array [examples]
         Machine of each example; a machine is in one fold only.
@@ -207,7 +188,7 @@ def learn_classifier(
     own_columns = table.take(counted).informative(label[counted].astype(float), allowed)
     if own_columns.size == 0:
         return None
-    own, fold = table.values[:, own_columns], folds(machine)
+    own, fold = table.values[:, own_columns], machine % FOLDS
     out_of_fold, models = np.zeros(len(label)), []
     for k in range(FOLDS):
         inside, outside = counted & (fold != k), fold == k
@@ -229,15 +210,7 @@ def learn_classifier(
 def learn_estimator(table: Table, value: Array, machine: NDArray[np.int64], allowed: Sequence[int]) -> Estimator | None:
     """Estimator of a parameter from features; None where there are too few examples.
 
-    Parameters
-    ----------
-    table : Table
-    value : Array [examples]
-        Comparable numbers; NaN where the effect is absent.
-    machine : Array [examples]
-        Machine of each example; a machine is in one fold only.
-    allowed : sequence of int
-        Columns that may be used.
+    `value` [examples] are comparable numbers, NaN where the effect is absent; others as for `learn_classifier`.
     """
     known = np.isfinite(value)
     if known.sum() < _FEWEST or np.ptp(value[known]) == 0:
@@ -249,7 +222,7 @@ def learn_estimator(table: Table, value: Array, machine: NDArray[np.int64], allo
     middle = float(np.median(value))
     anchors = _anchors(features, own_columns, value)
     residual = value - _on_lines(features, anchors, middle)
-    own, fold = features[:, own_columns], folds(machine)
+    own, fold = features[:, own_columns], machine % FOLDS
     models, out_of_fold = _regressed(
         own, residual, fold, loss="absolute_error", max_iter=100, max_leaf_nodes=10, min_samples_leaf=8,
         l2_regularization=1.0,

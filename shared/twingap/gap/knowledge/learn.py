@@ -110,14 +110,10 @@ def general_columns(names: tuple[str, ...]) -> NDArray[np.int64]:
         "impacts.snr|*", "background.rms_log|spread", "background.white_level|spread",
     )  # fmt: skip
     wanted, of_sets = (".diff", ".z", "|spread"), ("context|", "shape|", "path|", "change|", "distance|", "pooled|")
-    return np.array(
-        [
-            i for i, name in enumerate(names)
-            if any(fnmatchcase(name, p) for p in patterns)
-            and (name.endswith(wanted) or name.startswith(of_sets))
-        ],
-        dtype=np.int64,
-    )  # fmt: skip
+    general = (
+        any(fnmatchcase(n, p) for p in patterns) and (n.endswith(wanted) or n.startswith(of_sets)) for n in names
+    )
+    return np.flatnonzero(list(general))
 
 
 def _on_one_thread(function: Callable[..., Any], *arguments: Any) -> Any:
@@ -134,7 +130,6 @@ def learn(examples: Examples, effects: tuple[str, ...], parameters: tuple[tuple[
 
     Parameters
     ----------
-    examples : Examples
     effects : tuple of str
         Names of the columns of `examples.missing`.
     parameters : tuple of (str, str)

@@ -80,12 +80,7 @@ class Outcome(NamedTuple):
 class ScoreCalibration:
     """Logistic regression: log odds that an effect is missing, linear in the features of its outcome.
 
-    Parameters
-    ----------
-    weights : Array [features]
-    offset : float
-    named_from : float
-        Probability from which an effect is named.
+    From the probability `named_from` on an effect is named.
     """
 
     weights: Array
@@ -100,15 +95,9 @@ class ScoreCalibration:
 def learn_score_calibration(
     outcomes: Sequence[Outcome], missing: Sequence[bool], machine: Sequence[int]
 ) -> ScoreCalibration | None:
-    """Score calibration from outcomes of searches with known truth; None where there are too few.
+    """Score calibration from outcomes of searches, of effects known to be missing or not; None where there are too few.
 
-    Parameters
-    ----------
-    outcomes : sequence of Outcome
-    missing : sequence of bool
-        Whether each effect is missing.
-    machine : sequence of int
-        Machine, or group of machines, of each outcome; in cross-validation a group is never split.
+    `machine` is the machine, or group of machines, of each outcome; in cross-validation a group is never split.
     """
     label = np.asarray(missing, bool)
     if min(label.sum(), (~label).sum()) < _FEWEST:
