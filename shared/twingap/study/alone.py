@@ -27,17 +27,8 @@ if TYPE_CHECKING:
 
 
 class Timed(NamedTuple):
-    """Runtime of one world's diagnosis.
-
-    Parameters
-    ----------
-    case : str
-        Name of the case.
-    in_study_s, alone_s : float
-        Wall time in the study, in parallel with others, and alone, s.
-    same : bool
-        Whether the repetition named the same effects.
-    """
+    """Wall time of one world's diagnosis in the study, in parallel with others, and alone; and whether the repetition
+    named the same effects."""
 
     case: str
     in_study_s: float
@@ -55,16 +46,11 @@ def slowest_again(
     study : Mapping
         Content of study.json.
     count : int
-        Number of worlds.
+        Number of worlds, in descending order of runtime in the study.
     planned : sequence of Case, optional
         Cases of the study; None = those of `twingap study blind`.
     diagnose : callable, optional
         See `worker.Diagnose`; None = `twingap.gap.diagnose`.
-
-    Returns
-    -------
-    list of Timed
-        In descending order of runtime in the study.
 
     Raises
     ------

@@ -152,13 +152,7 @@ def injected_effect(name: str) -> Effect:
 
 
 def run_job(job: PublicJob, root: str | None = None) -> dict[str, Any]:
-    """Run one job.
-
-    Returns
-    -------
-    dict
-        JSON values; ``refused`` holds the reason when there is no diagnosis.
-    """
+    """Run one job: JSON values, of which ``refused`` holds the reason when there is no diagnosis."""
     own = public_set(job.data_set, root, job.pieces, CLOSEST_S if job.kind == "closest" else PIECE_S)
     rng = np.random.default_rng([job.seed, zlib.crc32(job.description.encode())])
     about = {"title": own.title, "real": own.real}
@@ -182,12 +176,7 @@ def run_job(job: PublicJob, root: str | None = None) -> dict[str, Any]:
 
 
 def diagnosed(
-    records: RecordSet,
-    spec: TwinSpec,
-    rng: np.random.Generator,
-    sim: RecordSet | None = None,
-    *,
-    quick: bool = True,
+    records: RecordSet, spec: TwinSpec, rng: np.random.Generator, sim: RecordSet | None = None, *, quick: bool = True
 ) -> dict[str, Any]:
     """Diagnosis as JSON values, or the reason of a refusal; with the closest twin unless `quick`."""
     from twingap.gap import diagnose
@@ -293,13 +282,6 @@ def _against_same_bearing(
 
 def injected(records: RecordSet, effect: Effect, bearing: Bearing, seed: int) -> tuple[RecordSet, float, float, str]:
     """Records with an effect added where it can act; on impacts alone where healthy records separate them from noise.
-
-    Parameters
-    ----------
-    records : RecordSet
-    effect : Effect
-    bearing : Bearing
-    seed : int
 
     Returns
     -------

@@ -75,19 +75,8 @@ def two_sample(ours: Array, theirs: Array, rng: np.random.Generator, permutation
     """Classifier two-sample test with a random forest, with the effect inferred from its most important statistic.
 
     A gap is claimed at permutation p <= 0.05 of the out-of-bag area under the ROC curve. The effect of the most
-    important statistic in the table `READING` is named: one at most, and never "outside the catalogue".
-
-    Parameters
-    ----------
-    ours, theirs : Array [records, statistics]
-        Measured and simulated records.
-    rng : numpy.random.Generator
-    permutations : int
-        Permutations of the labels.
-
-    Returns
-    -------
-    Found
+    important statistic in the table `READING` is named: one at most, and never "outside the catalogue". Measured and
+    simulated records are [records, statistics].
 
     References
     ----------
@@ -123,16 +112,8 @@ def _forest(x: Array, label: NDArray[np.int64], seed: int) -> tuple[float, Array
 
 @dataclass(frozen=True)
 class Examples:
-    """Training examples, one per world.
-
-    Parameters
-    ----------
-    x : Array [worlds, statistics]
-        From `statistics.of_world`; NaN allowed.
-    present : NDArray[bool] [worlds, effects]
-        Whether the effect is missing from the twin.
-    effects : tuple of str
-    """
+    """Training examples, one per world: x [worlds, statistics] from `statistics.of_world`, and whether each effect is
+    missing from the twin, present [worlds, effects]."""
 
     x: Array
     present: NDArray[np.bool_]
@@ -153,13 +134,7 @@ def examples(worlds: Iterable[tuple[RecordSet, RecordSet, frozenset[str]]], effe
 
 
 class Rival(ABC):
-    """A method that is trained on examples.
-
-    Attributes
-    ----------
-    name : str
-        Name in tables.
-    """
+    """A method that is trained on examples; its name is that in tables."""
 
     name: ClassVar[str]
 
@@ -190,10 +165,10 @@ class Filled:
         return np.asarray(np.clip(standard, -5, 5))
 
 
-def named(probability: Array, effects: Sequence[str], threshold: float = 0.5) -> tuple[str, ...]:
-    """Effects at or above the threshold, in descending order of probability."""
+def named(probability: Array, effects: Sequence[str]) -> tuple[str, ...]:
+    """Effects of probability 0.5 or more, in descending order."""
     order = np.argsort(-probability, kind="stable")
-    return tuple(effects[i] for i in order if probability[i] >= threshold)
+    return tuple(effects[i] for i in order if probability[i] >= 0.5)
 
 
 class OneClassifier(Rival):

@@ -45,14 +45,7 @@ def names() -> tuple[str, ...]:
 
 
 def of_record(record: Record, bearing: Bearing | None) -> Array:
-    """[statistics] Statistics of one record, in the order of `names`.
-
-    Parameters
-    ----------
-    record : Record
-    bearing : Bearing or None
-        Without it, statistics at its orders are NaN.
-    """
+    """[statistics] Statistics of one record, in the order of `names`; those at orders are NaN without a bearing."""
     condition = record.condition
     fs, shaft = condition.fs_hz, condition.speed_rpm / 60
     x = np.asarray(record.samples, float)
@@ -112,15 +105,7 @@ def of_record(record: Record, bearing: Bearing | None) -> Array:
 
 
 class Lines:
-    """Heights of spectral lines over the local median of a periodogram.
-
-    Parameters
-    ----------
-    power : Array [bins]
-        Periodogram.
-    df_hz : float
-        Bin spacing, Hz.
-    """
+    """Heights of spectral lines over the local median of a periodogram [bins]."""
 
     def __init__(self, power: Array, df_hz: float) -> None:
         self.power, self.df_hz = power, df_hz

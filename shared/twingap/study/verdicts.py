@@ -98,7 +98,6 @@ class Was:
 
     Parameters
     ----------
-    case, kind, arm : str
     effects : tuple of str
         Catalogued effects.
     strength : Mapping[str, str]

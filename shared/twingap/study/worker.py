@@ -36,15 +36,7 @@ Triples = Callable[[int, np.random.Generator], Iterable[tuple[RecordSet, RecordS
 
 @dataclass(frozen=True)
 class SealJob:
-    """Job: seal a world.
-
-    Parameters
-    ----------
-    case : Case
-    seed : int
-    nonce : str
-        Random text that is hashed with the truth.
-    """
+    """Job: seal a world; the nonce is random text that is hashed with the truth."""
 
     case: Case
     seed: int
@@ -57,8 +49,6 @@ class DiagnoseJob:
 
     Parameters
     ----------
-    case : Case
-    seed : int
     records_sha256 : str
         Digest of the records when the world was sealed.
     permutations : int
@@ -84,14 +74,7 @@ class OpenJob:
 
 @dataclass(frozen=True)
 class LearnJob:
-    """Job: make training worlds for the rivals.
-
-    Parameters
-    ----------
-    seed, chunk : int
-    count : int
-        Worlds in this chunk.
-    """
+    """Job: make some training worlds for the rivals, a chunk of all."""
 
     seed: int
     chunk: int
