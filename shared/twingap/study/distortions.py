@@ -40,21 +40,11 @@ STRONGER: Final = 2.0 ** np.arange(0, 7)
 
 @dataclass(frozen=True)
 class Distortion:
-    """Gaussian shift of the whitened statistics by one effect.
+    """Gaussian shift of the whitened statistics by one effect."""
 
-    Parameters
-    ----------
-    mean : Array [components]
-        Mean shift at amplitude 1, the strength in training.
-    axes : Array [components, directions]
-        Orthonormal directions in which the shift varies between machines.
-    variance : Array [directions]
-        Its variance along these, at amplitude 1.
-    """
-
-    mean: Array
-    axes: Array
-    variance: Array
+    mean: Array  # [components] mean shift at amplitude 1, the strength in training
+    axes: Array  # [components, directions] orthonormal directions in which the shift varies between machines
+    variance: Array  # [directions] its variance along these, at amplitude 1
 
     @classmethod
     def of(cls, shifts: Array) -> Distortion:

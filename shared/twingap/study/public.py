@@ -41,32 +41,15 @@ Progress = Callable[[str, int, int], None]
 
 @dataclass(frozen=True)
 class Plan:
-    """Extent of the study.
+    """Extent of the study."""
 
-    Parameters
-    ----------
-    sets : tuple of str
-        Names of the data sets.
-    seed : int
-    pieces : int
-        Records cut from each recording.
-    splits : int
-        Random halvings of each set with no effect added.
-    injections : int
-        Halvings on which every effect is injected, in the first set.
-    single_pieces : int
-        Records of each recording that is diagnosed by itself; 0 = no single recordings.
-    parts : tuple of str
-        Which of `PARTS` to run.
-    """
-
-    sets: tuple[str, ...] = SETS
+    sets: tuple[str, ...] = SETS  # names of the data sets
     seed: int = 0
-    pieces: int = 2
-    splits: int = 6
-    injections: int = 1
-    single_pieces: int = 3
-    parts: tuple[str, ...] = PARTS
+    pieces: int = 2  # records cut from each recording
+    splits: int = 6  # random halvings of each set with no effect added
+    injections: int = 1  # halvings on which every effect is injected, in the first set
+    single_pieces: int = 3  # records of each recording that is diagnosed by itself; 0 = no single recordings
+    parts: tuple[str, ...] = PARTS  # which of `PARTS` to run
 
 
 def run_public(

@@ -51,28 +51,15 @@ class Target:
 
 @dataclass(frozen=True)
 class Score:
-    """One score of a method.
-
-    Parameters
-    ----------
-    name, among : str
-        Quantity, and the worlds over which it is computed.
-    value, low, high : float
-        Value and 95 % interval; NaN without data.
-    n : int
-        Number of worlds, or of named and true effects for precision and recall.
-    k : int or None
-        Successes; None where the value is not a rate.
-    target : Target or None
-    """
+    """One score of a method."""
 
     name: str
-    among: str
+    among: str  # the worlds over which it is computed
     value: float
-    low: float
+    low: float  # 95 % interval; NaN without data
     high: float
-    n: int
-    k: int | None = None
+    n: int  # number of worlds, or of named and true effects for precision and recall
+    k: int | None = None  # successes; None where the value is not a rate
     target: Target | None = None
 
     @property

@@ -45,23 +45,13 @@ class SealJob:
 
 @dataclass(frozen=True)
 class DiagnoseJob:
-    """Job: diagnose a world blind.
-
-    Parameters
-    ----------
-    records_sha256 : str
-        Digest of the records when the world was sealed.
-    permutations : int
-        Permutations of the rivals' two-sample test; 0 leaves all rivals out.
-    closest : bool
-        Whether the diagnosis also seeks the closest twin.
-    """
+    """Job: diagnose a world blind."""
 
     case: Case
     seed: int
-    records_sha256: str
-    permutations: int
-    closest: bool = False
+    records_sha256: str  # digest of the records when the world was sealed
+    permutations: int  # permutations of the rivals' two-sample test; 0 leaves all rivals out
+    closest: bool = False  # whether the diagnosis also seeks the closest twin
 
 
 @dataclass(frozen=True)

@@ -29,23 +29,13 @@ CLOSURE_BOUNDS: Final = (-10.0, 2.0)
 
 @dataclass(frozen=True)
 class Closure:
-    """The gap before and after effects were added to the twin.
+    """The gap before and after effects were added to the twin."""
 
-    Parameters
-    ----------
-    before, after, floor : float
-        Gap over all domains without and with the effects, and between records and records.
-    closure : float
-        (before - after) / (before - floor), clipped to -10 .. 2; 0 where there was no gap to close.
-    ci : (float, float)
-        90 % interval.
-    """
-
-    before: float
+    before: float  # over all domains, without the effects
     after: float
-    floor: float
-    closure: float
-    ci: Interval
+    floor: float  # between records and records
+    closure: float  # (before - after) / (before - floor), clipped to -10 .. 2; 0 where there was no gap to close
+    ci: Interval  # 90 %
 
 
 def closure(before: float, after: float, floor: float) -> float:

@@ -49,30 +49,16 @@ class CurveStyle:
 
 @dataclass(frozen=True)
 class Domain:
-    """A domain in which a gap is measured.
-
-    Parameters
-    ----------
-    axis : callable
-        Grid -> bins.
-    vector : callable
-        Record, grid -> Array [bins].
-    label, short_label, phrase : str
-        Names for tables, for figures, and within a sentence ("lies in ...").
-    advice : str
-        Advice for a gap that lies here and that no effect explains, with a deciding measurement.
-    curves : tuple of CurveStyle
-        Curves of the domain in a report.
-    """
+    """A domain in which a gap is measured."""
 
     name: DomainName
-    axis: Callable[[Grid], Axis]
-    vector: Callable[[RecordTransforms, Grid], Array]
-    label: str
-    short_label: str
-    phrase: str
-    advice: str
-    curves: tuple[CurveStyle, ...] = ()
+    axis: Callable[[Grid], Axis]  # its bins
+    vector: Callable[[RecordTransforms, Grid], Array]  # [bins] of a record
+    label: str  # in tables
+    short_label: str  # in figures
+    phrase: str  # within a sentence: "lies in ..."
+    advice: str  # for a gap that lies here and that no effect explains, with a deciding measurement
+    curves: tuple[CurveStyle, ...] = ()  # curves of the domain in a report
 
 
 def _bins(unit: str, **edges: Sequence[float] | Array) -> Axis:

@@ -24,18 +24,11 @@ from twingap.signal.record_transforms import RecordTransforms
 
 @dataclass(frozen=True)
 class FeatureVectors:
-    """Feature vectors of a set of records.
+    """Feature vectors of a set of records."""
 
-    Parameters
-    ----------
-    values : Mapping, domain -> Array [records, bins]
-    axes : Mapping, domain -> Axis
-    conditions : tuple of Condition [records]
-    """
-
-    values: Mapping[DomainName, Array]
+    values: Mapping[DomainName, Array]  # domain -> [records, bins]
     axes: Mapping[DomainName, Axis]
-    conditions: tuple[Condition, ...]
+    conditions: tuple[Condition, ...]  # [records]
 
     def __len__(self) -> int:
         return len(self.conditions)

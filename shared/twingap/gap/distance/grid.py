@@ -26,18 +26,11 @@ _LEVELS: Final = 40
 
 @dataclass(frozen=True)
 class Axis:
-    """Bins of one domain.
+    """Bins of one domain."""
 
-    Parameters
-    ----------
-    lo, hi : Array [bins]
-        Bounds of each, in `unit`.
-    kind : tuple of str [bins]
-        Quantity of each bin ("level", "lines", ...); bins of one kind are in ascending order.
-    """
-
-    lo: Array
+    lo: Array  # [bins] bounds of each, in `unit`
     hi: Array
+    # [bins] Quantity of each bin ("level", "lines", ...); bins of one kind are in ascending order.
     kind: tuple[str, ...]
     unit: str
 

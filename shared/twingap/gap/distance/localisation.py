@@ -48,19 +48,11 @@ _LEAST_SHARE: Final = 0.01
 
 @dataclass(frozen=True)
 class Located:
-    """Where a gap lies.
+    """Where a gap lies."""
 
-    Parameters
-    ----------
-    places : tuple of Place
-        Significant places at the family-wise level, the largest share first. What their shares leave of 1 lies in no
-        significant place.
-    p_value : float
-        P-value of no difference anywhere: the smallest adjusted one.
-    """
-
+    # Significant at the family-wise level, the largest share first. What shares leave of 1 lies in no such place.
     places: tuple[Place, ...]
-    p_value: float
+    p_value: float  # p-value of no difference anywhere: the smallest adjusted one
 
 
 def locate(pair: Paired, rng: np.random.Generator, draws: int = 999) -> Located:

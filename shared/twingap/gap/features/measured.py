@@ -18,21 +18,11 @@ from twingap.records import Array, Condition
 
 @dataclass(frozen=True)
 class Measured:
-    """A set of records, measured.
+    """A set of records, measured."""
 
-    Parameters
-    ----------
-    values : Array [records, features]
-        In the order of `registry.NAMES`; NaN where a feature does not apply.
-    summaries : tuple of RecordSummary [records]
-        Summaries for measurements over several records.
-    vectors : FeatureVectors [records]
-        Feature vectors for distances.
-    """
-
-    values: Array
-    summaries: tuple[RecordSummary, ...]
-    vectors: FeatureVectors
+    values: Array  # [records, features] in the order of `registry.NAMES`; NaN where a feature does not apply
+    summaries: tuple[RecordSummary, ...]  # [records] summaries for measurements over several records
+    vectors: FeatureVectors  # [records] feature vectors for distances
 
     @property
     def conditions(self) -> tuple[Condition, ...]:

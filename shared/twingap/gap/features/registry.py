@@ -42,22 +42,13 @@ from twingap.signal.record_transforms import RecordTransforms
 
 @dataclass(frozen=True)
 class RecordFeatures:
-    """Features of one record that one module measures.
+    """Features of one record that one module measures."""
 
-    Parameters
-    ----------
-    prefix : str
-        A feature is called "prefix.name".
-    measure : callable
-        Record -> name -> value, NaN where it does not apply.
-    of_impacts : bool
-        Whether they are measured on the impacts of a defect. Means are then over records of each fault, otherwise
-        over healthy and faulty records.
-    """
-
-    prefix: str
+    prefix: str  # a feature is called "prefix.name"
     names: tuple[str, ...]
-    measure: Callable[[RecordTransforms], Mapping[str, float]]
+    measure: Callable[[RecordTransforms], Mapping[str, float]]  # record -> name -> value, NaN where it does not apply
+    # Whether they are measured on the impacts of a defect. Means are then over records of each fault, otherwise over
+    # healthy and faulty records.
     of_impacts: bool = False
 
 

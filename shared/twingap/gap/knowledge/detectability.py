@@ -36,22 +36,12 @@ _CONTEXT: Final = (
 
 @dataclass(frozen=True)
 class Detectability:
-    """Detection probability of each effect, from its values, the records and the other missing effects.
-
-    Parameters
-    ----------
-    places : Mapping[str, Array]
-        Columns of each effect's values.
-    context : Array [columns]
-        Columns of the features that describe the records.
-    forests : Mapping[str, RandomForestRegressor]
-        Regression of the detection probability; none for an effect with too few machines.
-    """
+    """Detection probability of each effect, from its values, the records and the other missing effects."""
 
     effects: tuple[str, ...]
-    places: Mapping[str, NDArray[np.int64]]
-    context: NDArray[np.int64]
-    forests: Mapping[str, Any]
+    places: Mapping[str, NDArray[np.int64]]  # columns of each effect's values
+    context: NDArray[np.int64]  # [columns] columns of the features that describe the records
+    forests: Mapping[str, Any]  # regression of the detection probability; none for an effect with too few machines
 
     def hidden(self, missing: Mask, values: Array, features: NDArray[Any]) -> Mask:
         """[examples, effects] Whether an effect is missing and undetectable.

@@ -33,24 +33,14 @@ _FEWEST: Final = 25
 
 @dataclass
 class Ensemble:
-    """One model per fold over selected features, with their out-of-fold predictions.
+    """One model per fold over selected features, with their out-of-fold predictions."""
 
-    Parameters
-    ----------
-    columns : Array [columns]
-        Selected features.
-    models : list of Trees
-    line, line_later : (float, float)
-        Slope and offset of the calibration, for a twin as given and for one to which effects have been added.
-    out_of_fold : Array [examples]
-        Out-of-fold predictions.
-    """
-
-    columns: NDArray[np.int64]
+    columns: NDArray[np.int64]  # [columns] selected features
     models: list[Trees]
+    # Slope and offset of the calibration, for a twin as given and for one to which effects have been added.
     line: tuple[float, float] = (1.0, 0.0)
     line_later: tuple[float, float] = (1.0, 0.0)
-    out_of_fold: Array = field(default_factory=lambda: np.empty(0))
+    out_of_fold: Array = field(default_factory=lambda: np.empty(0))  # [examples] out-of-fold predictions
 
     def score(self, features: NDArray[Any], *, later: bool = False) -> Array:
         """[examples] Log odds of a classifier, or value of a regressor, from features [examples, features].
@@ -79,31 +69,16 @@ class Anchor:
 
 @dataclass
 class Estimator:
-    """Estimator of a parameter: a linear function of the best feature, plus trees where they reduce the error.
+    """Estimator of a parameter: a linear function of the best feature, plus trees where they reduce the error."""
 
-    Parameters
-    ----------
-    anchors : tuple of Anchor
-        Linear functions in order of preference; the first with a known feature is used.
-    default : float
-        Value where none of these features is known.
-    residual : Ensemble or None
-        Trees for the residual; None where they do not reduce the out-of-fold error.
-    error : float
-        Bound on nine of ten out-of-fold errors, on the scale of `parameter_scale`.
-    error_model : Ensemble or None
-        Trees for the logarithm of the absolute error, which depends on the machine: the number of teeth, for example,
-        is either exact or unknown.
-    error_factor : float
-        Factor on the error predicted by `error_model` that bounds nine of ten errors.
-    """
-
-    anchors: tuple[Anchor, ...]
-    default: float
-    residual: Ensemble | None
-    error: float
+    anchors: tuple[Anchor, ...]  # linear functions in order of preference; the first with a known feature is used
+    default: float  # value where none of these features is known
+    residual: Ensemble | None  # trees for the residual; None where they do not reduce the out-of-fold error
+    error: float  # bound on nine of ten out-of-fold errors, on the scale of `parameter_scale`
+    # Trees for the logarithm of the absolute error, which depends on the machine: the number of teeth, for example, is
+    # either exact or unknown.
     error_model: Ensemble | None = None
-    error_factor: float = 1.0
+    error_factor: float = 1.0  # factor on the error predicted by `error_model` that bounds nine of ten errors
 
     def estimate(self, features: NDArray[Any]) -> Array:
         """[examples] Comparable numbers, see `parameter_scale`."""

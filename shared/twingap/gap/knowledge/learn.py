@@ -27,35 +27,17 @@ Mask = NDArray[np.bool_]
 
 @dataclass
 class Examples:
-    """Simulated gaps as arrays.
+    """Simulated gaps as arrays."""
 
-    Parameters
-    ----------
-    features : Array [examples, features]
-        Comparison on the held-out part.
-    missing : Mask [examples, effects]
-    modelled : Mask [examples, effects]
-        Effects of the given twin; they cannot be missing, though a machine may have a variant of them.
-    outside : Mask [examples]
-        Whether the machine has an effect outside the catalogue.
-    machine : Array [examples]
-        Number of the machine; a machine is in one fold only.
-    first : Mask [examples]
-        True for the twin as given; False where effects have been added to it.
-    values : Array [examples, parameters]
-        Values of the missing effects, NaN otherwise.
-    fit_features : Array [examples, features]
-        Comparison on the fit part.
-    """
-
-    features: NDArray[np.float32]
-    missing: Mask
+    features: NDArray[np.float32]  # [examples, features] comparison on the held-out part
+    missing: Mask  # [examples, effects]
+    # [examples, effects] Effects of the given twin; not missing, though a machine may have a variant of them.
     modelled: Mask
-    outside: Mask
-    machine: NDArray[np.int64]
-    first: Mask
-    values: Array
-    fit_features: NDArray[np.float32]
+    outside: Mask  # [examples] whether the machine has an effect outside the catalogue
+    machine: NDArray[np.int64]  # [examples] number of the machine; a machine is in one fold only
+    first: Mask  # [examples] True for the twin as given; False where effects have been added to it
+    values: Array  # [examples, parameters] values of the missing effects, NaN otherwise
+    fit_features: NDArray[np.float32]  # [examples, features] comparison on the fit part
 
     def __len__(self) -> int:
         return len(self.features)

@@ -39,36 +39,22 @@ from twingap.twins.phenomenological import PhenomenologicalParameters, Phenomeno
 
 @dataclass(frozen=True)
 class Machine:
-    """A machine with its true parameters, which records and metadata show only in part.
-
-    Parameters
-    ----------
-    conditions, nominal : tuple of Condition
-        Conditions with true speeds, and with the speeds of the metadata.
-    modes : tuple of Mode
-        Modes of the structure besides the first. A twin file has none, so such a machine is paired with simulated
-        records of an external simulator.
-    contact_s : float
-        Duration of an impact's contact force, s; 0 is an impulse.
-    tilt : float
-        Relative change of the response at half the sampling rate: sampling of a response differs between laboratories,
-        with an effect near that rate.
-    continuous : float
-        Sampling of the response: 1 for the response of a structure to a force at any time, 0 for samples of its
-        ring-down.
-    imperfections : tuple of Effect
-        Effects too weak to be named.
-    """
+    """A machine with its true parameters, which records and metadata show only in part."""
 
     bearing: Bearing
     parameters: PhenomenologicalParameters
-    conditions: tuple[Condition, ...]
-    nominal: tuple[Condition, ...]
+    conditions: tuple[Condition, ...]  # with true speeds
+    nominal: tuple[Condition, ...]  # with the speeds of the metadata
+    # Modes of the structure besides the first. A twin file has none, so such a machine is paired with simulated records
+    # of an external simulator.
     modes: tuple[Mode, ...] = ()
-    contact_s: float = 0.0
+    contact_s: float = 0.0  # duration of an impact's contact force, s; 0 is an impulse
+    # Relative change of the response at half the sampling rate: sampling of a response differs between laboratories,
+    # with an effect near that rate.
     tilt: float = 0.0
+    # Sampling of the response: 1 for that of a structure to a force at any time, 0 for samples of its ring-down.
     continuous: float = 0.0
-    imperfections: tuple[Effect, ...] = field(default=())
+    imperfections: tuple[Effect, ...] = field(default=())  # effects too weak to be named
 
     def twin(self, effects: Sequence[Effect] = (), scale: float = 1.0) -> StructuredTwin:
         """Simulator of this machine with effects, its samples multiplied by `scale`."""

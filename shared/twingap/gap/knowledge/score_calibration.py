@@ -41,29 +41,15 @@ _PARTS: Final = 10
 
 
 class Outcome(NamedTuple):
-    """Outcome of a search for one effect.
+    """Outcome of a search for one effect."""
 
-    Parameters
-    ----------
-    certainty : float
-        Log odds: of a named effect with that effect left out, of any other against the twin with all named effects.
-    first : float
-        Log odds against the twin as given.
-    named : bool
-    others : int
-        Number of named effects.
-    p_value : float
-        P-value of no gap.
-    rest_p : float
-        P-value of no rest.
-    """
-
+    # Log odds: of a named effect with that effect left out, of any other against the twin with all named effects.
     certainty: float
-    first: float
+    first: float  # log odds against the twin as given
     named: bool
-    others: int
-    p_value: float
-    rest_p: float
+    others: int  # number of named effects
+    p_value: float  # p-value of no gap
+    rest_p: float  # p-value of no rest
 
     def features(self) -> Array:
         """[9] Inputs of the calibration."""

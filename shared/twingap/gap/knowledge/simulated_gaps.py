@@ -36,30 +36,14 @@ form."""
 
 @dataclass(frozen=True)
 class SimulatedGap:
-    """A gap with known causes.
+    """A gap with known causes."""
 
-    Parameters
-    ----------
-    records : RecordSet
-        Records of the machine, with nominal metadata.
-    spec : TwinSpec
-        The twin to be diagnosed.
-    sim : RecordSet or None
-        Records of an external simulator, in place of the twin's.
-    missing : tuple of Effect
-        Effects of the machine that the twin lacks.
-    modelled : tuple of Effect
-        Effects of both, at the machine's values.
-    outside : bool
-        Whether the machine also has an effect outside the catalogue.
-    """
-
-    records: RecordSet
-    spec: TwinSpec
-    sim: RecordSet | None
-    missing: tuple[Effect, ...]
-    modelled: tuple[Effect, ...]
-    outside: bool
+    records: RecordSet  # records of the machine, with nominal metadata
+    spec: TwinSpec  # the twin to be diagnosed
+    sim: RecordSet | None  # records of an external simulator, in place of the twin's
+    missing: tuple[Effect, ...]  # effects of the machine that the twin lacks
+    modelled: tuple[Effect, ...]  # effects of both, at the machine's values
+    outside: bool  # whether the machine also has an effect outside the catalogue
 
 
 def draw_gap(

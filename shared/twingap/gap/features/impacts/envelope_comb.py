@@ -58,28 +58,17 @@ class Comb:
 
 @dataclass(frozen=True)
 class Track:
-    """Smooth course of the impact rate, whose mean is `rate_hz`.
-
-    Attributes
-    ----------
-    grid_s, phase : Array [grid]
-        Passes since the record's start over time: rate_hz grid_s + wander.
-    before, after : Array [4]
-        |line|^2 of harmonics 1..4 of the squared envelope at constant rate, and along the track, over the mean squared
-        envelope squared.
-    floor : Array [4]
-        The same of noise.
-    window_passes : float
-        Passes over which the phase was smoothed; infinite for a constant rate.
-    """
+    """Smooth course of the impact rate, whose mean is `rate_hz`."""
 
     rate_hz: float
-    grid_s: Array
+    grid_s: Array  # [grid] passes since the record's start over time: rate_hz grid_s + wander
     phase: Array
+    # [4] |line|^2 of harmonics 1..4 of the squared envelope at constant rate, and along the track, over the mean
+    # squared envelope squared.
     before: Array
     after: Array
-    floor: Array
-    window_passes: float
+    floor: Array  # [4] the same of noise
+    window_passes: float  # passes over which the phase was smoothed; infinite for a constant rate
 
 
 def band_signal(record: RecordTransforms) -> BandSignal:

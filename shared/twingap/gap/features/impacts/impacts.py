@@ -31,36 +31,18 @@ _FEWEST: Final = 8
 
 @dataclass(frozen=True)
 class Impacts:
-    """All impacts of a record.
+    """All impacts of a record."""
 
-    Attributes
-    ----------
-    number : Array [N]
-        Number of passes since the first impact.
-    time_s : Array [N]
-        Time of each, s since the record's start (up to a constant).
-    strength : Array [N]
-        Root energy of each in the band: output of the matched filter of unit energy, in unit sqrt(samples of z).
-    noise : float
-        Mean square output of the filter between the impacts.
-    time_error_s, strength_error : Array [N]
-        Errors due to noise, drawn once for each impact.
-    strength_clean : Array [N]
-        Strength less the noise; what `strength_error` was drawn about.
-    cycle : Array [PHASES]
-        Mean squared envelope over a pass, its peak at bin PHASES // 4.
-    phase_locked : float
-        Length of the mean of carrier phases at the impacts, 0 to 1: 1 where all impacts are true copies.
-    """
-
-    number: Array
-    time_s: Array
+    number: Array  # [N] number of passes since the first impact
+    time_s: Array  # [N] time of each, s since the record's start (up to a constant)
+    # [N] Root energy of each in the band: output of the matched filter of unit energy, in unit sqrt(samples of z).
     strength: Array
-    noise: float
-    time_error_s: Array
+    noise: float  # mean square output of the filter between the impacts
+    time_error_s: Array  # [N] errors due to noise, drawn once for each impact
     strength_error: Array
-    strength_clean: Array
-    cycle: Array
+    strength_clean: Array  # [N] strength less the noise; what `strength_error` was drawn about
+    cycle: Array  # [PHASES] mean squared envelope over a pass, its peak at bin PHASES // 4
+    # Length of the mean of carrier phases at the impacts, 0 to 1: 1 where all impacts are true copies.
     phase_locked: float
 
 

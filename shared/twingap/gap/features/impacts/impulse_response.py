@@ -46,26 +46,13 @@ COMPARED: Final[tuple[str, ...]] = (
 
 
 class ImpactSpectrum(NamedTuple):
-    """Spectrum of the impacts in a record.
-
-    Parameters
-    ----------
-    fault : str
-    power : Array [harmonics]
-        Around each harmonic less the noise beneath, over scale^2; may be negative by chance.
-    error : Array [harmonics]
-        Standard error of each.
-    places : NDArray [harmonics]
-        Band of each.
-    density : Array [PLACES]
-        Mean power density, noise included, over scale^2 and times the sampling rate.
-    """
+    """Spectrum of the impacts in a record."""
 
     fault: str
-    power: Array
-    error: Array
-    places: NDArray[np.int64]
-    density: Array
+    power: Array  # [harmonics] around each harmonic less the noise beneath, over scale^2; may be negative by chance
+    error: Array  # [harmonics] standard error of each
+    places: NDArray[np.int64]  # [harmonics] band of each
+    density: Array  # [PLACES] mean power density, noise included, over scale^2 and times the sampling rate
 
 
 def measure(record: RecordTransforms) -> dict[str, float]:

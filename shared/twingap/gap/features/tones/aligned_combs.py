@@ -25,18 +25,11 @@ Single = NDArray[np.float32]
 
 @dataclass(frozen=True)
 class Aligned:
-    """Scores of combs in a set of records.
+    """Scores of combs in a set of records."""
 
-    Parameters
-    ----------
-    score : Array [combs, records]
-        The highest weighted sum of deviates over each comb's lines; NaN where the first line lies beyond the record.
-    lines : Array [combs, lines]
-        Mean over records of each line's deviate there.
-    """
-
+    # [combs, records] Highest weighted sum of deviates over each comb's lines; NaN for a first line beyond the record.
     score: Array
-    lines: Array
+    lines: Array  # [combs, lines] mean over records of each line's deviate there
 
     def mean(self, share: float = 0.6) -> Array:
         """[combs] Mean score; NaN of combs that fewer than this share of the records reach."""

@@ -36,21 +36,11 @@ LOCKED: Final = 0.7
 
 @dataclass(frozen=True)
 class Peaks:
-    """Peaks of a spectrum: tones above its floor.
+    """Peaks of a spectrum: tones above its floor."""
 
-    Parameters
-    ----------
-    hz : Array [peaks]
-        Interpolated frequencies, rising.
-    power : Array [peaks]
-        a^2 / 2 of each tone of amplitude a, unit squared.
-    excess : Array [peaks]
-        Power over the median floor about it.
-    """
-
-    hz: Array
-    power: Array
-    excess: Array
+    hz: Array  # [peaks] interpolated frequencies, rising
+    power: Array  # [peaks] a^2 / 2 of each tone of amplitude a, unit squared
+    excess: Array  # [peaks] power over the median floor about it
 
     def __len__(self) -> int:
         return int(self.hz.size)
