@@ -1,4 +1,4 @@
-"""The closest twin measured on held-out records: closure, what each group of effects closes, and the ceiling.
+"""The closest twin on held-out records: the part of the gap that it closes, by group of effects, beside real records.
 
 closest twin --replicates of the held-out part--> closure, attribution over groups, measures --+
 real records in place of the twin --same distance--> ceiling ----------------------------------+--> ClosestTwin

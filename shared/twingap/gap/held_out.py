@@ -1,4 +1,4 @@
-"""Closures of effects, measured on held-out records.
+"""Closure of each effect: the part of the gap that adding it to the twin closes, on records not used to fit it.
 
 held-out part --feature vectors--+
 twin, before and after --simulate, replicates--> feature vectors --paired distances--> Candidate: closure, values

@@ -1,5 +1,4 @@
-"""Study on public records: effects missing from each paper's twin, withheld and injected effects, single recordings,
-and the closest twin.
+"""Study on public records: what the papers' twins lack, effects withheld and added, single recordings, closest twins.
 
 sets --twins--> verdicts --the best twin, an effect withheld--> named again?
      --halves, an effect injected or none--> named? false alarms?

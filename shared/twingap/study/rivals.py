@@ -4,7 +4,8 @@ training worlds --plain statistics--> Examples --fit--> Rival
 blind world     --plain statistics--> vector   --------> Rival.predict --> Found
                 --per record--------> forest, measured or simulated? --importance--> Found (no training needed)
 
-Each rival's docstring states which of its outputs counts as "outside the catalogue".
+Each rival's docstring states which of its outputs counts as "outside the catalogue". To add one, derive it from `Rival`
+and name it in `runner.default_rivals`.
 """
 
 from __future__ import annotations

@@ -2,6 +2,8 @@
 
 rows of one method --counted by kind, strength, effect, arm--> Score, Score, ...
                    --first named against true--> confusion;  --probability against truth--> reliability
+
+A score is a line in `headline` where it has a target, else in `detailed`; tables and figures show both by name.
 """
 
 from __future__ import annotations

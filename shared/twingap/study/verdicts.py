@@ -1,4 +1,4 @@
-"""Findings of a method and truth of a world: the two sides that scores compare.
+"""Findings of a method on a virtual world, and the truth of it: the two sides that scores compare.
 
 gap report of the diagnosis --found_in--+
 output of a rival ----------------------+--> Found --+

@@ -1,6 +1,9 @@
 """Measures of the gap before and after effects are added: distances, classifier AUC, MMD and classification accuracy.
 
 records, replicates before and after --> overall gap, gap in each domain, AUC, MMD^2, accuracy --> Metrics
+
+To add a measure, write a function of both comparisons that returns a `Metric`, and call it in `closure_metrics`, last,
+since all draw from one stream of random numbers. Reports show it by its name.
 """
 
 from __future__ import annotations

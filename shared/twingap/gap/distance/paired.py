@@ -1,4 +1,4 @@
-"""Distance between records and their simulated replicates, in each domain and overall, and its floor.
+"""Distance between records and their simulated replicates, in each domain and overall, and what chance leaves of it.
 
 FeatureVectors of records --+
                             +--Paired--> differences [records, bins] --strata, slopes--> squares per bin, unbiased

@@ -1,4 +1,4 @@
-"""Entry-exit comb: modulation over harmonics of the impact rate by a second impact, from all records of a set together.
+"""Second impact on a defect, seen as a comb over the harmonics of the impact rate in all records of a set together.
 
 power around each harmonic (`ImpactSpectrum`), measured and simulated, of every record
     --mean over the records of a fault, weighted by their clarity--> ratio over harmonics
@@ -20,7 +20,7 @@ import scipy.fft
 
 from twingap.bearing import Bearing
 from twingap.gap.features.impacts.impulse_response import ImpactSpectrum, standing_out
-from twingap.gap.features.impacts.smooth_path import highest, log_likelihood_ratios
+from twingap.gap.features.impacts.smooth_path import CANDIDATES, GRID, highest, log_likelihood_ratios
 from twingap.records import Array
 from twingap.signal.record_transforms import mean_of_five
 
@@ -37,10 +37,6 @@ that are ("faint")."""
 
 _LEAST_PART: Final = 0.01
 """Shortest delay between the two impacts, part of a pass; the longest is half a pass, beyond which combs repeat."""
-_GRID: Final = 8
-"""Delays per harmonic that are searched: combs are the sharper, the more harmonics there are."""
-_CANDIDATES: Final = 12
-"""Delays of either sign for which the full comb is fitted: those where its first term is strongest."""
 _RATIOS: Final = (0.1, 0.2, 0.35, 0.6, 0.9)
 """Second impact over first, as tried; beyond 1 combs repeat."""
 _NOISE: Final = 0.01
@@ -154,14 +150,14 @@ def _explained(ratio: _Ratio) -> _Explained:
     target = target - basis @ (basis.T @ target)
     energy = float(target @ target)
     # ln |1 + r exp(i k a)|^2 = 2 r cos(k a) - r^2 cos(2 k a) + ...: delays where the first term is strong.
-    size = scipy.fft.next_fast_len(_GRID * ratio.weight.size)
+    size = scipy.fft.next_fast_len(GRID * ratio.weight.size)
     weighted = np.zeros(size)
     weighted[seen + 1] = root * target
     first = scipy.fft.rfft(weighted).real[: size // 2 + 1]
     least = max(int(np.ceil(_LEAST_PART * size)), 1)
     left, part = np.zeros((2, 2, len(_RATIOS)))
     for row, sign in enumerate((1.0, -1.0)):
-        at = least + highest(sign * first[least:], _CANDIDATES)
+        at = least + highest(sign * first[least:], CANDIDATES)
         phase = np.exp(2j * np.pi * np.outer(at / size, seen + 1))
         combs = np.array([np.abs(1 + sign * r * phase) ** 2 for r in _RATIOS])
         combs = root * np.log(combs + ratio.noise[seen])

@@ -1,4 +1,4 @@
-"""Entry and exit impacts of a pass: test for two copies of one response in the mean waveform, with delay and ratio.
+"""Entry and exit impacts on a defect: test for two copies of one response in the mean waveform, with delay and ratio.
 
 samples, impact times -> mean waveform of a pass, sub-sample aligned -> all-pole model of its tail -> inverse filter
     -> two-pulse fit over all delays -> gain over one pulse, delay, ratio

@@ -1,4 +1,4 @@
-"""Effect of a further mode, in parallel with a path known from its spectra, on noise and impacts.
+"""Change of noise and impact spectra by one more structural mode, in parallel with a path known from its spectra.
 
 simulated spectrum less its white noise --least phase--> response of the path, complex
     --one more mode g H2 added--> |1 + g H2 / H|^2 on what has passed the path, white noise left alone
