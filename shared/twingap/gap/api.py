@@ -248,7 +248,7 @@ def _diagnosed(
         rest=presentable(rest),
         tests=tests,
         curves=curves(
-            held_out.real, before[:count], after[:count] if after is not before else None, calibrated.frame.bearing
+            held_out.real, before[:count], after[:count] if after is not before else (), calibrated.frame.bearing
         ),
         closest=near,
     )

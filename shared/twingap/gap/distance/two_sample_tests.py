@@ -125,8 +125,7 @@ def rbf(rows: Array) -> Array:
 def mmd_statistics(kernel: Array, choices: Choice, members: int) -> Array:
     """[draws] MMD^2 for each choice of members as records."""
     draws, n = choices.shape
-    signs = np.full((draws, n, members), -1 / (members - 1))
-    np.put_along_axis(signs, choices[:, :, None], 1.0, axis=2)
+    signs = _labels(choices, members)
     flat = signs.reshape(draws, -1)
     total = np.einsum("dk,dk->d", flat @ kernel, flat)
     if n == 1:
@@ -134,6 +133,13 @@ def mmd_statistics(kernel: Array, choices: Choice, members: int) -> Array:
     blocks = kernel.reshape(n, members, n, members)[np.arange(n), :, np.arange(n), :]
     own = np.einsum("dna,nab,dnb->d", signs, blocks, signs)
     return np.asarray((total - own) / (n * (n - 1)))
+
+
+def _labels(choices: Choice, members: int) -> Array:
+    """[draws, records, members] 1 for the member that takes the record's place; all members of a record sum to 0."""
+    labels = np.full((*choices.shape, members), -1 / (members - 1))
+    np.put_along_axis(labels, choices[:, :, None], 1.0, axis=2)
+    return labels
 
 
 def _rows(pair: Paired, rng: np.random.Generator) -> tuple[Array, Choice]:
@@ -157,8 +163,7 @@ def _scores(rows: Array, conditions: Sequence[Condition], choices: Choice, rng: 
     """
     n, members, _ = rows.shape
     draws = len(choices)
-    labels = np.full((draws, n, members), -1 / (members - 1))
-    np.put_along_axis(labels, choices[:, :, None], 1.0, axis=2)
+    labels = _labels(choices, members)
     x = rows.reshape(n * members, -1)
     # Besides common weights, each fault has its own: a missing effect may have opposite signs.
     faults = np.repeat(np.array([c.fault or "" for c in conditions]), members)
