@@ -122,7 +122,7 @@ def attribution_figure(shares: Sequence[GroupShare]) -> Any:
         go.Bar(
             x=values, y=[html.escape(share.group) for share in shares], orientation="h",
             marker={"color": [AFTER if share.shown else _faint(AFTER) for share in shares]},
-            error_x=_errors(values, [share.share_ci for share in shares], color=GREY),
+            error_x=_errors(values, [share.share_ci for share in shares], type="data", symmetric=False, color=GREY),
             customdata=[html.escape(", ".join(one.effect for one in share.effects)) for share in shares],
             hovertemplate="%{y}: %{x:.0f} % of the gap<br>%{customdata}<extra></extra>",
         )
@@ -211,7 +211,7 @@ def _errors(values: Sequence[float], parts: Sequence[Sequence[float]], **style: 
     """Bars from values in per cent to the ends of their intervals, which are parts."""
     above = [max(100 * high - value, 0) for value, (_, high) in zip(values, parts, strict=True)]
     below = [max(value - 100 * low, 0) for value, (low, _) in zip(values, parts, strict=True)]
-    return {"type": "data", "symmetric": False, "array": above, "arrayminus": below, **style}
+    return {"array": above, "arrayminus": below, **style}
 
 
 def _left(metric: Metric, value: float) -> float:
