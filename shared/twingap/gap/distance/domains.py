@@ -3,9 +3,9 @@
 record --frequency, envelope_order, order, amplitude, time, condition--> one vector each, on the bins of a Grid
 
 All values are logarithms of dimensionless quantities, so that differences between records and twin add up. To add a
-domain, add its name to `domain_names` and to the schema of gap.json, and an object to `DOMAINS`; bins that depend on
-the records are fields of `grid.Grid`. Distances, tests, localisation, figures and advice read domains from here.
-Distances are features too (`features.distances`): what was learnt depends on them, so run `twingap train` again.
+domain, add its name to `domain_names` and to `report/gap_report.schema.json`, and an object to `DOMAINS`, last in each;
+bins that depend on the records are fields of `grid.Grid`. Distances, tests, localisation, figures and advice read
+domains from here. Distances are features too (`features.distances`): run `twingap train` again for these to be used.
 """
 
 from __future__ import annotations
