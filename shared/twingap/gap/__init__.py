@@ -1,6 +1,12 @@
 """The gap between simulated and real records: where it lies, which effect causes it, how far it shrinks.
 
 records + twin --calibrate--> --measure--> --where--> --which--> --how far--> GapReport
+
+`api` is the whole road on one page. `features` holds the named numbers that detectors read, `distance` the domains in
+which a gap is measured, `search` the search for missing effects and their values, `knowledge` what was learnt from
+simulated machines and its training, `report` the result as objects, files and a page. `features.registry`,
+`distance.domains`, `distance.closure_metrics` and `report.sections` say how to add a feature, a domain, a measure of
+the gap, and a section; an effect is a file in `twingap.effects`.
 """
 
 from importlib import import_module

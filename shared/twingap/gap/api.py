@@ -150,7 +150,11 @@ def _diagnosed(
     quick: bool,
 ) -> Diagnosis:
     """The diagnosis without the provenance that `diagnose` adds."""
-    _require_two_records(records)
+    if len(records) < 2:
+        raise TwingapError(
+            "holds one record, at least 2 expected: one to calibrate with, one to measure on",
+            where=f"record set {records.name!r}", mend="cut longer recordings into records",
+        )  # fmt: skip
     stated = spec if sim is None else replace(spec, bearing=sim.bearing)
     notes = [note] if (note := overruled(stated, records.bearing, "twin file" if sim is None else sim.name)) else []
     used = _thinned(records, notes)
@@ -183,18 +187,17 @@ def _diagnosed(
     before = held_out.replicates(found.before.simulator, found.before.effects, held_out.most)
     first = Paired(held_out.real, before)
     located = locate(first, rng)
-    tests = tuple(test.test for test in two_sample_tests(first, rng))
+    tests = two_sample_tests(first, rng)
     after = before
     if found.gap and found.after.effects:
         after = held_out.replicates(found.after.simulator, found.after.effects, held_out.fewer)
-    count = min(len(before), len(after), held_out.fewer)
     progress("closure", 0.75)
-    pairs = paired(held_out.real, before[:count], after[:count])
+    count = min(len(before), len(after), held_out.fewer)
+    compared = held_out.real, before[:count], after[:count]
+    pairs = paired(*compared)
     floors = pairs[1].floor(rng)
     floor, _ = floors
-    metrics = closure_metrics(
-        held_out.real, before[:count], after[:count], rng, more=held_out.training_sets(), floors=floors
-    )
+    metrics = closure_metrics(*compared, rng, more=held_out.training_sets(), floors=floors)
     tests = with_statistics(tests, metrics)
     closed = closure_interval(*pairs, floor, rng)
     found, exchange_notes = _significant(found, closed, tests, located.places)
@@ -213,25 +216,15 @@ def _diagnosed(
     if not quick and isinstance(found.before.simulator, TwinSimulator):
         near = replace(near, twin=CLOSEST_FILE)
     if found.gap and not quick:
-        near, closest = closest_of(
-            held_out,
-            learnt,
-            before,
-            closed,
-            metrics,
-            pairs[0].scale,
-            replayed,
-            rng,
-            lambda what, part: steps(what, 0.5 + 0.5 * part),
-        )
+        later = lambda what, part: steps(what, 0.5 + 0.5 * part)  # noqa: E731
+        near, closest = closest_of(held_out, learnt, before, closed, metrics, pairs[0].scale, replayed, rng, later)
     status = _status(found, closed, replayed.same_unit)
     closes = {candidate.effect: candidate.closure for candidate in candidates}
     named = tuple(sorted(found.names, key=lambda name: -closes[name])) if status in _NAMING else ()
     closure, ci = (closed.closure, closed.ci) if added else (None, None)
     p_floor = learnt.p_floor(evidence.against().held_out)
-    verdict = Verdict(
-        status, named, found.confidence_set, found.p_value, closure, ci, p_floor, groups_of(found, learnt)
-    )
+    groups = groups_of(found, learnt)
+    verdict = Verdict(status, named, found.confidence_set, found.p_value, closure, ci, p_floor, groups)
     places = presentable(located.places) if found.gap else ()
     if added:
         candidates = tuple(_with_closure_of_verdict(c, named, closed) for c in candidates)
@@ -255,7 +248,7 @@ def _diagnosed(
         rest=presentable(rest),
         tests=tests,
         curves=curves(
-            held_out.real, before[:count], after[:count] if after is not before else None, calibrated.frame.bearing
+            held_out.real, before[:count], after[:count] if after is not before else (), calibrated.frame.bearing
         ),
         closest=near,
     )
@@ -283,13 +276,10 @@ def _confirmed(found: Explanation, evidence: Evidence) -> tuple[Explanation, lis
     p = exchange_p_value(evidence)
     if p is None or p <= ALPHA:
         return replace(found, p_value=max(found.p_value, p or 0.0)), []
-    note = (
+    return _without_gap(found, p), [
         f"such a difference is rare on the simulated machines without a gap (p = {found.p_value:.2g}), but not when "
         f"records and simulated ones are exchanged at random (p = {p:.2g}): recordings differ as much from each other"
-    )
-    sets = ((), *(effects for effects in found.confidence_set if effects))
-    nothing = replace(found, gap=False, effects=(), p_value=p, confidence_set=sets, after=found.before)
-    return nothing, [note]
+    ]
 
 
 def _significant(
@@ -302,12 +292,16 @@ def _significant(
     p = min((test.p_value for test in tests), default=1.0)
     if not found.gap or found.effects or closed.before > closed.floor or places or p <= ALPHA:
         return found, []
-    note = (
+    return _without_gap(found, max(p, found.p_value)), [
         f"scores like these are rare on the simulated machines without a gap (p = {found.p_value:.2g}), but the "
         "distance is below its floor, no place differs, and no two-sample test is significant"
-    )
+    ]
+
+
+def _without_gap(found: Explanation, p_value: float) -> Explanation:
+    """The explanation that nothing is missing, with no effect as the most probable set."""
     sets = ((), *(effects for effects in found.confidence_set if effects))
-    return replace(found, gap=False, p_value=max(p, found.p_value), confidence_set=sets, after=found.before), [note]
+    return replace(found, gap=False, effects=(), p_value=p_value, confidence_set=sets, after=found.before)
 
 
 def _with_closure_of_verdict(candidate: Candidate, named: tuple[str, ...], closed: Closure) -> Candidate:
@@ -333,15 +327,6 @@ def _status(found: Explanation, closed: Closure, ceiling: float | None) -> Statu
     if closed.closure >= AT_FLOOR or (ceiling is not None and closed.closure >= ceiling >= _LEAST_CEILING):
         return "explained"
     return "explained" if found.rest_p > ALPHA_REST and closed.ci[1] >= _MOST else "partly_explained"
-
-
-def _require_two_records(records: RecordSet) -> None:
-    """Error for a record set with fewer than two records."""
-    if len(records) < 2:
-        raise TwingapError(
-            "holds one record, at least 2 expected: one to calibrate with, one to measure on",
-            where=f"record set {records.name!r}", mend="cut longer recordings into records",
-        )  # fmt: skip
 
 
 def _thinned(records: RecordSet, notes: list[str]) -> RecordSet:

@@ -1,4 +1,4 @@
-"""The closest twin measured on held-out records: closure, what each group of effects closes, and the ceiling.
+"""The closest twin on held-out records: the part of the gap that it closes, by group of effects, beside real records.
 
 closest twin --replicates of the held-out part--> closure, attribution over groups, measures --+
 real records in place of the twin --same distance--> ceiling ----------------------------------+--> ClosestTwin
@@ -13,7 +13,6 @@ from dataclasses import replace
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from twingap.effects import Effect, LineSpectrum
 from twingap.effects.by_state import UNIT_COLUMNS, ByState
@@ -37,10 +36,8 @@ from twingap.gap.search.attribution import attribution
 from twingap.gap.search.closest_twin import closest_twin
 from twingap.gap.search.evidence import Compared
 from twingap.gap.search.free_spectra import BACKGROUND, PATH, by_of, measured
-from twingap.records import Condition
+from twingap.records import Array, Condition
 from twingap.twins.simulator import Simulator, TwinSimulator
-
-Array = NDArray[np.float64]
 
 CLOSEST_FILE: Final = "closest.toml"
 """Twin file of the closest twin, beside gap.json."""
@@ -60,8 +57,6 @@ def closest_of(
 
     Parameters
     ----------
-    held_out : HeldOut
-    learnt : Learnt
     before : sequence of FeatureVectors
         Replicates of the twin as given.
     of_named : Closure
@@ -70,10 +65,6 @@ def closest_of(
         Of the verdict; the twin as given and the floor are the same for both.
     scale : Array [bins]
         Of the verdict's comparisons.
-    replayed : Ceiling
-    rng : numpy.random.Generator
-    progress : callable
-        Called with a description of the current step and the completed part, 0 to 1.
     """
     evidence, found = held_out.evidence, held_out.found
     begin = found.after if found.gap else found.before
@@ -111,28 +102,17 @@ def closest_of(
         )
         for share in shares
     )  # fmt: skip
-    report = ClosestTwin(
-        effects=tuple(
-            ClosestEffect(one.name, {**values_of_effect(one, {}), **line_counts(one, held_out)}) for one in now.effects
-        ),
-        closure=closed.closure, closure_ci=closed.ci, attribution=groups if closed.closure > 0 else (),
-        ceiling=replayed,
-        twin=CLOSEST_FILE if isinstance(now.simulator, TwinSimulator) else "",
-        metrics=_aligned(
-            closure_metrics(held_out.real, first, after, rng, more=held_out.training_sets(now), scale=scale), measures
-        ),
-    )  # fmt: skip
-    return report, now
-
-
-def _aligned(metrics: Sequence[Metric], measures: Sequence[Metric]) -> tuple[Metric, ...]:
-    """The measures of the closest twin, with the twin as given and the floor as in those of the verdict."""
+    own = closure_metrics(held_out.real, first, after, rng, more=held_out.training_sets(now), scale=scale)
+    # The twin as given and the floor are those of the verdict's measures, which were drawn with other random numbers.
     of = {measure.metric: measure for measure in measures}
-    return tuple(
-        replace(m, before=of[m.metric].before, ci_before=of[m.metric].ci_before, floor=of[m.metric].floor)
-        if m.metric in of else m
-        for m in metrics
-    )  # fmt: skip
+    stated = ((m, of.get(m.metric, m)) for m in own)
+    metrics = tuple(replace(m, before=o.before, ci_before=o.ci_before, floor=o.floor) for m, o in stated)
+    effects = tuple(
+        ClosestEffect(one.name, {**values_of_effect(one, {}), **line_counts(one, held_out)}) for one in now.effects
+    )
+    twin = CLOSEST_FILE if isinstance(now.simulator, TwinSimulator) else ""
+    shown = groups if closed.closure > 0 else ()
+    return ClosestTwin(effects, closed.closure, closed.ci, shown, replayed, twin, metrics), now
 
 
 def of_verdict(held_out: HeldOut, closed: Closure | None, replayed: Ceiling) -> ClosestTwin:
@@ -158,17 +138,9 @@ def line_counts(effect: Effect, held_out: HeldOut) -> dict[str, ParameterValue]:
 
 
 def ceiling(held_out: HeldOut, before: Sequence[FeatureVectors], floor: float) -> Ceiling:
-    """Closure that real records reach in place of the twin.
+    """Closure that real records reach in place of the twin, from the gap that replicates of it leave before.
 
     Each held-out record is compared with records of the fit part of the same fault and the nearest speeds.
-
-    Parameters
-    ----------
-    held_out : HeldOut
-    before : sequence of FeatureVectors
-        Replicates of the twin as given.
-    floor : float
-        Distance that sampling alone leaves.
     """
     conditions, fit = held_out.part.conditions, held_out.evidence.calibrated.fit.conditions
     column = next((name for name in UNIT_COLUMNS if any(c.extra.get(name) for c in fit)), None)

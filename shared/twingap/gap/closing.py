@@ -11,10 +11,9 @@ from typing import Final
 from twingap.gap.api import diagnose
 from twingap.gap.diagnosis import Diagnosis, FilePath, Progress, no_progress
 from twingap.gap.report.model import listed
-from twingap.gap.search.closest_twin import closest_spec
 from twingap.records import RecordSet
 from twingap.records.folder import read_record_set
-from twingap.twins.twin_file import Provenance, TwinSpec, read_twin
+from twingap.twins.twin_file import TwinSpec, read_twin
 
 MOST: Final = 5
 """Largest number of diagnoses. Each takes as long as `diagnose`; real machines seldom need more than three."""
@@ -113,7 +112,9 @@ def close(
     if found[-1].report.verdict.status != "no_gap":
         step = _of_step(progress, MOST - 1)
         found[-1] = diagnose(records, specs[len(found) - 1], seed=seed, progress=step)
-    return Closing(tuple(found), _twin(found[-1], seed))
+    last = found[-1].closest_twin()
+    assert last is not None and last.identified is not None  # only simulators of the user's own have none
+    return Closing(tuple(found), replace(last, identified=replace(last.identified, method="twingap close")))
 
 
 def _of_step(progress: Progress, step: int) -> Progress:
@@ -124,15 +125,3 @@ def _of_step(progress: Progress, step: int) -> Progress:
 def _addable(found: Diagnosis) -> tuple[str, ...]:
     """The verdict's effects that can be added to the twin."""
     return tuple(name for name in found.report.verdict.effects if name not in found.explanation.cannot)
-
-
-def _twin(found: Diagnosis, seed: int) -> TwinSpec:
-    """The closest twin of a diagnosis, or the calibrated one where there is no gap."""
-    spec = closest_spec(found.closest or found.explanation.before)
-    assert spec is not None  # only simulators of the user's own have none
-    stated = found.report.provenance
-    source = Provenance(
-        str(stated["records_sha256"]), found.calibrated.fit.unit, version=str(stated["version"]),
-        method="twingap close", seed=seed,
-    )  # fmt: skip
-    return replace(spec, bearing=found.calibrated.frame.bearing, identified=source)

@@ -29,12 +29,10 @@ from twingap.effects.by_state import unit_of
 from twingap.effects.impact_train import response_of
 from twingap.errors import TwingapError
 from twingap.identification.baseline import level_of_own
-from twingap.records import Condition, Record, RecordSet
+from twingap.records import Array, Condition, Record, RecordSet
 from twingap.signal.record_transforms import Frame
 from twingap.streams import Streams
 from twingap.twins.simulator import streams_of, why_not
-
-Array = NDArray[np.float64]
 
 NEAR_SPEED: Final = 0.06
 """Log ratio of speeds up to which a simulated record keeps its own speed: features are relative to each record's
@@ -76,7 +74,6 @@ class ExternalSimulator:
         The simulated records.
     real : RecordSet
         Real records of the calibration: their level sets the gain.
-    bearing : Bearing
     reference_rms : float
         RMS of the real machine's healthy vibration (`Frame.scale`): the amplitude scale of effects where no simulated
         record is healthy.
@@ -167,14 +164,9 @@ class ExternalSimulator:
             record = Record(replace(condition, speed_rpm=speed_rpm), samples)
             if effects:
                 background = self._background_of(record, effects, (streams_root, replicate))
+                response = partial(self._response, condition.fs_hz)
                 record = apply_to_waveform(
-                    effects,
-                    record,
-                    self.bearing,
-                    self.reference_rms,
-                    streams,
-                    background,
-                    partial(self._response, condition.fs_hz),
+                    effects, record, self.bearing, self.reference_rms, streams, background, response
                 )
             out.append(record)
         return out

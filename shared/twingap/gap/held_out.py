@@ -1,4 +1,4 @@
-"""Closures of effects, measured on held-out records.
+"""Closure of each effect: the part of the gap that adding it to the twin closes, on records not used to fit it.
 
 held-out part --feature vectors--+
 twin, before and after --simulate, replicates--> feature vectors --paired distances--> Candidate: closure, values
@@ -83,16 +83,7 @@ class HeldOut:
     ) -> Iterator[Candidate]:
         """Candidates: every effect of the catalogue that the twin lacks, with the gap without and with it.
 
-        Each is evaluated together with the named effects.
-
-        Parameters
-        ----------
-        learnt : Learnt
-        floor : float
-            Distance that sampling alone leaves.
-        rng : numpy.random.Generator
-        progress : callable
-            Called with the completed part, 0 to 1.
+        Each is evaluated together with the named effects. `floor` is the distance that sampling alone leaves.
         """
         found = self.found
         named = {one.effect.name: one for one in found.effects}
@@ -110,13 +101,12 @@ class HeldOut:
             others = tuple(other for other in named if other != name)
             nothing_fitted = not (name in named or name in found.fitted or learnt.covers(name))
             if name in found.cannot or nothing_fitted:
-                own = named.get(name)
-                values = values_of_estimate(own) if own else {}
+                values = _values(named[name]) if name in named else {}
                 why = found.cannot.get(name, _NEVER_ACTS)
                 yield Candidate(name, probability, gap, gap, 0.0, (0.0, 0.0), values, why, others)
                 continue
             if not found.gap:  # nothing to close: the report shows no closures then
-                values = values_of_estimate(estimate(name, after.fit, self.evidence, learnt))
+                values = _values(estimate(name, after.fit, self.evidence, learnt))
                 yield Candidate(name, probability, gap, gap, 0.0, (0.0, 0.0), values, None, others)
                 continue
             if name in named:
@@ -132,10 +122,8 @@ class HeldOut:
                     self.real, few, self._with_effect(after, value.effect, probability * (not fixed), len(few))
                 )
             closed = closure_interval(*pair, floor, rng, draws=200)
-            yield Candidate(
-                name, probability, closed.before, closed.after, closed.closure, closed.ci, values_of_estimate(value),
-                None, others,
-            )  # fmt: skip
+            gaps = closed.before, closed.after, closed.closure, closed.ci
+            yield Candidate(name, probability, *gaps, _values(value), None, others)
 
     def _pair(self, compared: Compared) -> tuple[list[FeatureVectors], Paired]:
         """Two replicates of the held-out part, and its distance from them."""
@@ -152,25 +140,14 @@ class HeldOut:
             return self.replicates(after.simulator, after.effects, count)
 
 
-def values_of_estimate(found: Estimated) -> Mapping[str, ParameterValue]:
-    """Values of an estimated effect, with unit and interval."""
+def _values(found: Estimated) -> Mapping[str, ParameterValue]:
     return values_of_effect(found.effect, found.intervals)
 
 
 def values_of_effect(effect: Effect, intervals: Mapping[str, tuple[float, float]]) -> Mapping[str, ParameterValue]:
-    """Values of an effect, with unit and, where given, interval.
+    """Values of an effect by parameter, with unit and, where given, 90 % interval.
 
     Of spectra, which a twin file holds, their lengths; of other lists each number, as "amplitudes.1".
-
-    Parameters
-    ----------
-    effect : Effect
-    intervals : Mapping[str, (float, float)]
-        90 % intervals by parameter.
-
-    Returns
-    -------
-    Mapping[str, ParameterValue]
     """
     base = effect.base if isinstance(effect, ByState) else effect
     values = {
@@ -179,12 +156,11 @@ def values_of_effect(effect: Effect, intervals: Mapping[str, tuple[float, float]
         if field.name not in base.idle_parameters
     }
     for field in base.profiles():
-        if not base.measured:
-            own = getattr(base, field.name)
-            unit = field.metadata["unit"]
-            values.update({f"{field.name}.{k}": ParameterValue(float(v), unit) for k, v in enumerate(own, start=1)})
-            continue
-        values[field.name] = ParameterValue(float(len(getattr(base, field.name))), "values in closest.toml")
+        numbers, unit = getattr(base, field.name), field.metadata["unit"]
+        if base.measured:
+            values[field.name] = ParameterValue(float(len(numbers)), "values in closest.toml")
+        else:
+            values |= {f"{field.name}.{k}": ParameterValue(float(v), unit) for k, v in enumerate(numbers, start=1)}
     if isinstance(effect, ByState):
         for state, own in effect.states:
             for field in own.parameters():

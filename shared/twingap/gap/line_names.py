@@ -5,7 +5,7 @@ lines in Hz and in orders --multiples of known rates, pairs around a carrier--> 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import Final
 
 from twingap.bearing import PUBLIC_BEARINGS, Bearing
@@ -33,15 +33,8 @@ _PAIR_ORDERS: Final = 8.0
 def named_lines(effect: LineSpectrum, bearing: Bearing, shaft_hz: float) -> Mapping[str, tuple[float, ...]]:
     """Places of the lines by what they are: Hz for mains and drives, shaft orders for what turns.
 
-    Lines fixed in Hz that no kind fits are under "unknown", in Hz; so are those in orders, in orders.
-
-    Parameters
-    ----------
-    effect : LineSpectrum
-    bearing : Bearing
-        Bearing under test.
-    shaft_hz : float
-        Mean shaft rate.
+    Lines fixed in Hz that no kind fits are under "unknown", in Hz; so are those in orders, in orders. `shaft_hz` is the
+    mean shaft rate of records of the bearing under test.
     """
     out: dict[str, list[float]] = {}
     for place in effect.frequencies_hz:
@@ -79,5 +72,5 @@ def _multiple(place: float, rate: float) -> bool:
 
 def _paired(place: float, effect: LineSpectrum, shaft_hz: float) -> bool:
     """Whether another line fixed in Hz lies a few shaft orders away, both high enough for a carrier."""
-    near: Callable[[float], bool] = lambda other: 0 < abs(other - place) < _PAIR_ORDERS * shaft_hz  # noqa: E731
-    return place >= _CARRIER_HZ and any(map(near, effect.frequencies_hz))
+    apart = (abs(other - place) for other in effect.frequencies_hz)
+    return place >= _CARRIER_HZ and any(0 < distance < _PAIR_ORDERS * shaft_hz for distance in apart)

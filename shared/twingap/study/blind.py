@@ -28,16 +28,7 @@ class BlindableWorld(Protocol):
 
 @dataclass(frozen=True)
 class Blind:
-    """Input of a blind diagnosis.
-
-    Parameters
-    ----------
-    records : RecordSet
-        Measured records under neutral names.
-    sim : RecordSet or None
-        Records of the user's own simulator; None = the built-in twin.
-    twin : TwinSpec
-    """
+    """Input of a blind diagnosis: measured records, and those of the user's own simulator (None: the built-in twin)."""
 
     records: RecordSet
     sim: RecordSet | None
@@ -50,11 +41,8 @@ def blinded(world: BlindableWorld) -> Blind:
     Names of sets, records and groups are replaced by numbers, and columns beyond the record-set schema are dropped,
     since either could reveal the truth.
     """
-    return Blind(
-        anonymous(world.records, "machine"),
-        None if world.sim is None else anonymous(world.sim, "simulator"),
-        spec_of(world.twin),
-    )
+    sim = None if world.sim is None else anonymous(world.sim, "simulator")
+    return Blind(anonymous(world.records, "machine"), sim, spec_of(world.twin))
 
 
 def anonymous(records: RecordSet, name: str) -> RecordSet:
@@ -73,9 +61,5 @@ def anonymous(records: RecordSet, name: str) -> RecordSet:
 def spec_of(twin: Mapping[str, Any]) -> TwinSpec:
     """Twin specification from the content of a TWIN.toml."""
     table = twin.get("twin", twin)
-    return TwinSpec(
-        model=str(table["model"]),
-        effects=tuple(table.get("effects", ())),
-        preset=table.get("preset"),
-        parameters=dict(twin.get("parameters", {})),
-    )
+    effects, parameters = tuple(table.get("effects", ())), dict(twin.get("parameters", {}))
+    return TwinSpec(str(table["model"]), effects, table.get("preset"), parameters)

@@ -11,45 +11,34 @@ differs from the machine's.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any, Final
 
 import numpy as np
 
 from twingap.errors import TwingapError
-from twingap.records import Condition, RecordSet
+from twingap.gap.distance.feature_vectors import FeatureVectors, measure_vectors
+from twingap.gap.distance.grid import Grid
+from twingap.gap.distance.paired import Paired
+from twingap.gap.search.evidence import THOROUGH, Evidence, replicates_of, simulator_of
+from twingap.gap.search.modelled_effects import without_values
+from twingap.gap.search.optimise import optimise
+from twingap.identification.calibrate import calibrate
+from twingap.records import RecordSet
+from twingap.rigs.worlds import replay
+from twingap.signal.record_transforms import Frame, RecordTransforms
+from twingap.study.blind import Blind, blinded
 
-if TYPE_CHECKING:
-    from twingap.study.blind import Blind
-
-REPLICATES = 2
+REPLICATES: Final = 2
 """Simulated replicates of each record; more lower the sampling error of the distances and are slower."""
 
 
 def true_closure(world: Any, seed: int) -> float | None:
-    """Closure of the world's catalogued effects at their true values.
+    """Closure of the world's catalogued effects at their true values; None without any, or where there is no gap.
 
     New records of the same machine are compared: without any effect that the twin lacks, and with the catalogued
     effects. Effects outside the catalogue are in neither, so the gap due to them stays open.
-
-    Parameters
-    ----------
-    world : World
-        See `twingap.rigs.worlds`.
-    seed : int
-        Seed of the new records.
-
-    Returns
-    -------
-    float or None
-        Dimensionless; None where there is no effect to add, or no gap to close.
     """
-    from twingap.gap.distance.grid import Grid
-    from twingap.gap.distance.paired import Paired
-    from twingap.rigs.worlds import replay
-    from twingap.signal.record_transforms import Frame
-
     truth = world.truth
     if not truth.effects:
         return None
@@ -61,8 +50,9 @@ def true_closure(world: Any, seed: int) -> float | None:
     frame = Frame(records.bearing, (0.05 * fs, 0.45 * fs), scale)
     grid = Grid.of(conditions, records.bearing)
 
-    def vectors(of: RecordSet) -> Any:
-        return _vectors(of, conditions, frame, grid)
+    def vectors(of: RecordSet) -> FeatureVectors:
+        transforms = (RecordTransforms(r.samples, c, frame) for r, c in zip(of, conditions, strict=True))
+        return measure_vectors(transforms, grid)
 
     real = vectors(records)
     rng = np.random.default_rng([seed, 0xC105])
@@ -80,23 +70,9 @@ def true_closure(world: Any, seed: int) -> float | None:
 def left_without_effects(world: Any, seed: int) -> float | None:
     """Gap between the machine without its effects and its own calibrated twin: no effect of the catalogue closes it.
 
-    Parameters
-    ----------
-    world : World
-        See `twingap.rigs.worlds`.
-    seed : int
-        Seed of the new records.
-
-    Returns
-    -------
-    float or None
-        Gap over all domains on the held-out part, in standard deviations. None where the twin cannot be calibrated, or
-        has effects without values, which only a diagnosis could estimate.
+    Over all domains on the held-out part, in standard deviations. None where the twin cannot be calibrated, or has
+    effects without values, which only a diagnosis could estimate.
     """
-    from twingap.gap.search.modelled_effects import without_values
-    from twingap.rigs.worlds import replay
-    from twingap.study.blind import blinded
-
     bare = blinded(replace(world, records=replay(world, effects=(), seed=seed, nominal=True)))
     if bare.sim is None and without_values(bare.twin):
         return None
@@ -107,12 +83,6 @@ def left_without_effects(world: Any, seed: int) -> float | None:
 
 
 def _left(bare: Blind, rng: np.random.Generator) -> float:
-    from twingap.gap.distance.grid import Grid
-    from twingap.gap.distance.paired import Paired
-    from twingap.gap.search.evidence import THOROUGH, Evidence, replicates_of, simulator_of
-    from twingap.gap.search.optimise import optimise
-    from twingap.identification.calibrate import calibrate
-
     calibrated = calibrate(bare.records, None if bare.sim is not None else bare.twin, rng, sim=bare.sim)
     evidence = Evidence(calibrated, simulator_of(calibrated, bare.sim), bare.twin, int(rng.integers(2**62)), THOROUGH)
     simulator = optimise(evidence, evidence.against().simulator, (), {}).simulator
@@ -124,12 +94,3 @@ def _left(bare: Blind, rng: np.random.Generator) -> float:
     ]
     pair = Paired(evidence.vectors(part, grid), made)
     return float(pair.over_domains(pair.squares())[0][0])
-
-
-def _vectors(records: RecordSet, conditions: Sequence[Condition], frame: Any, grid: Any) -> Any:
-    from twingap.gap.distance.feature_vectors import measure_vectors
-    from twingap.signal.record_transforms import RecordTransforms
-
-    return measure_vectors(
-        (RecordTransforms(r.samples, c, frame) for r, c in zip(records, conditions, strict=True)), grid
-    )

@@ -40,19 +40,8 @@ REPLICATES = 4
 
 @dataclass(frozen=True)
 class Checked:
-    """Interval and reference of one world.
-
-    Parameters
-    ----------
-    case : str
-        Name of the case.
-    effects : tuple of str
-        Effects named by the verdict and added to the twin.
-    closure, reference : float
-        Closure of the verdict, and over all runs of the machine; dimensionless.
-    ci : (float, float)
-        90 % interval of the closure.
-    """
+    """Effects named by the verdict of one world, their closure with its 90 % interval, and the closure over all runs of
+    the machine, the reference."""
 
     case: str
     effects: tuple[str, ...]
@@ -67,15 +56,7 @@ class Checked:
 
 
 def check(case: Case, seed: int, learnt: Learnt) -> Checked | None:
-    """Interval of a world's closure and the reference from more runs of its machine; None where no effect is named.
-
-    Parameters
-    ----------
-    case : Case
-    seed : int
-    learnt : Learnt
-        Trained model of the diagnosis.
-    """
+    """Interval of a world's closure and the reference from more runs of its machine; None where no effect is named."""
     from twingap.rigs.worlds import make_world, replay
 
     world = make_world(case, seed)

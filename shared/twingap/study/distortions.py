@@ -20,10 +20,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from twingap.records import Array
 from twingap.study.rivals import Examples, Filled, Rival
 from twingap.study.verdicts import Found
-
-Array = NDArray[np.float64]
 
 LEVEL: Final = 0.05
 """Level of the test, and of each effect's test for its just detectable amplitude; larger claims more gaps."""
@@ -41,21 +40,11 @@ STRONGER: Final = 2.0 ** np.arange(0, 7)
 
 @dataclass(frozen=True)
 class Distortion:
-    """Gaussian shift of the whitened statistics by one effect.
+    """Gaussian shift of the whitened statistics by one effect."""
 
-    Parameters
-    ----------
-    mean : Array [components]
-        Mean shift at amplitude 1, the strength in training.
-    axes : Array [components, directions]
-        Orthonormal directions in which the shift varies between machines.
-    variance : Array [directions]
-        Its variance along these, at amplitude 1.
-    """
-
-    mean: Array
-    axes: Array
-    variance: Array
+    mean: Array  # [components] mean shift at amplitude 1, the strength in training
+    axes: Array  # [components, directions] orthonormal directions in which the shift varies between machines
+    variance: Array  # [directions] its variance along these, at amplitude 1
 
     @classmethod
     def of(cls, shifts: Array) -> Distortion:

@@ -11,27 +11,13 @@ from collections.abc import Sequence
 import numpy as np
 
 LEVEL = 0.95
+"""Confidence level of all intervals: a higher one widens them."""
 
 
-def of_rate(k: int, n: int, level: float = LEVEL) -> tuple[float, float]:
-    """Clopper-Pearson interval of a rate, of at least the nominal coverage for any true rate.
+def of_rate(k: int, n: int) -> tuple[float, float]:
+    """Clopper-Pearson interval of a rate of k in n trials, of at least the nominal coverage for any true rate.
 
-    Parameters
-    ----------
-    k, n : int
-        Successes and trials, 0 <= k <= n; the interval is (0, 1) for n = 0.
-    level : float
-        Confidence level.
-
-    Returns
-    -------
-    (float, float)
-        Lower and upper end.
-
-    Raises
-    ------
-    ValueError
-        When k is negative or larger than n.
+    It is (0, 1) for n = 0; a k that is negative or larger than n is a ValueError.
 
     References
     ----------
@@ -42,25 +28,16 @@ def of_rate(k: int, n: int, level: float = LEVEL) -> tuple[float, float]:
 
     if not 0 <= k <= n:
         raise ValueError(f"{k} of {n}")
-    tail = (1 - level) / 2
+    tail = (1 - LEVEL) / 2
     low = float(beta.ppf(tail, k, n - k + 1)) if k > 0 else 0.0
     high = float(beta.ppf(1 - tail, k + 1, n - k)) if k < n else 1.0
     return low, high
 
 
-def of_median(values: Sequence[float], level: float = LEVEL) -> tuple[float, float]:
+def of_median(values: Sequence[float]) -> tuple[float, float]:
     """Distribution-free interval of the median from independent values, by order statistics.
 
-    Parameters
-    ----------
-    values : sequence of float [n]
-    level : float
-        Confidence level.
-
-    Returns
-    -------
-    (float, float)
-        Lower and upper end; infinite where there are too few values for the level (fewer than six at 95 %).
+    Infinite where there are too few values for the level (fewer than six at 95 %).
 
     References
     ----------
@@ -71,8 +48,8 @@ def of_median(values: Sequence[float], level: float = LEVEL) -> tuple[float, flo
     ordered = np.sort(np.asarray(values, float))
     n = ordered.size
     # The largest r with P(Binomial(n, 1/2) < r) <= tail.
-    r = int(binom.ppf((1 - level) / 2, n, 0.5)) if n else 0
-    while r > 0 and binom.cdf(r - 1, n, 0.5) > (1 - level) / 2:
+    r = int(binom.ppf((1 - LEVEL) / 2, n, 0.5)) if n else 0
+    while r > 0 and binom.cdf(r - 1, n, 0.5) > (1 - LEVEL) / 2:
         r -= 1
     if r < 1:
         return -math.inf, math.inf

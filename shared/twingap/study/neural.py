@@ -20,12 +20,10 @@ from contextlib import contextmanager, redirect_stdout
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from twingap.records import Array
 from twingap.study.rivals import Examples, Filled, Rival, named
 from twingap.study.verdicts import Found
-
-Array = NDArray[np.float64]
 
 COMPONENTS: Final = 50
 """Principal components of the statistics; more keep more detail and need more training worlds."""
@@ -109,20 +107,11 @@ class _Untracked:
 
     log_dir: str | None = None
 
-    def log_metric(self, name: str, value: float, step: int | None = None) -> None:
-        """Discard a value."""
-
-    def log_metrics(self, metrics: dict[str, float], step: int | None = None) -> None:
-        """Discard values."""
-
-    def log_params(self, params: dict[str, Any]) -> None:
-        """Discard parameters."""
-
-    def add_figure(self, name: str, figure: Any, step: int | None = None) -> None:
-        """Discard a figure."""
-
-    def flush(self) -> None:
-        """Do nothing: no output is buffered."""
+    def log_metric(self, name: str, value: float, step: int | None = None) -> None: ...
+    def log_metrics(self, metrics: dict[str, float], step: int | None = None) -> None: ...
+    def log_params(self, params: dict[str, Any]) -> None: ...
+    def add_figure(self, name: str, figure: Any, step: int | None = None) -> None: ...
+    def flush(self) -> None: ...
 
 
 @contextmanager

@@ -20,21 +20,8 @@ def prepared(
     """All records kept by calibration, and one record of the calibrated twin per condition.
 
     Rivals get the records of both parts, fit and held-out. They are trained on such pairs too, so calibration has the
-    same effect in training and evaluation, and no rival is weakened by half the records.
-
-    Parameters
-    ----------
-    records : RecordSet
-        Measured records.
-    spec : TwinSpec
-    rng : numpy.random.Generator
-    sim : RecordSet, optional
-        Records of the user's own simulator; None = the built-in twin.
-
-    Returns
-    -------
-    RecordSet, RecordSet
-        Measured and simulated records.
+    same effect in training and evaluation, and no rival is weakened by half the records. `sim` are records of the
+    user's own simulator, in place of the built-in twin's.
 
     Raises
     ------

@@ -1,5 +1,4 @@
-"""Study on public records: effects missing from each paper's twin, withheld and injected effects, single recordings,
-and the closest twin.
+"""Study on public records: what the papers' twins lack, effects withheld and added, single recordings, closest twins.
 
 sets --twins--> verdicts --the best twin, an effect withheld--> named again?
      --halves, an effect injected or none--> named? false alarms?
@@ -26,6 +25,7 @@ from twingap.study.intervals import of_rate
 from twingap.study.public_closest import PIECE_S, splits
 from twingap.study.public_jobs import TWINS, PublicJob, can_be_injected, chain_of, run_job, twin_spec
 from twingap.study.public_sets import DOCUMENTED, SINGLE, PublicSet, documented, public_set
+from twingap.study.sweeps import swept
 
 SCHEMA: Final = "twingap.public/1"
 SETS: Final = ("cwru", "hit_sm")
@@ -40,32 +40,15 @@ Progress = Callable[[str, int, int], None]
 
 @dataclass(frozen=True)
 class Plan:
-    """Extent of the study.
+    """Extent of the study."""
 
-    Parameters
-    ----------
-    sets : tuple of str
-        Names of the data sets.
-    seed : int
-    pieces : int
-        Records cut from each recording.
-    splits : int
-        Random halvings of each set with no effect added.
-    injections : int
-        Halvings on which every effect is injected, in the first set.
-    single_pieces : int
-        Records of each recording that is diagnosed by itself; 0 = no single recordings.
-    parts : tuple of str
-        Which of `PARTS` to run.
-    """
-
-    sets: tuple[str, ...] = SETS
+    sets: tuple[str, ...] = SETS  # names of the data sets
     seed: int = 0
-    pieces: int = 2
-    splits: int = 6
-    injections: int = 1
-    single_pieces: int = 3
-    parts: tuple[str, ...] = PARTS
+    pieces: int = 2  # records cut from each recording
+    splits: int = 6  # random halvings of each set with no effect added
+    injections: int = 1  # halvings on which every effect is injected, in the first set
+    single_pieces: int = 3  # records of each recording that is diagnosed by itself; 0 = no single recordings
+    parts: tuple[str, ...] = PARTS  # which of `PARTS` to run
 
 
 def run_public(
@@ -85,15 +68,12 @@ def run_public(
     ----------
     out : path-like
         Output folder; results of the same code on the same records that it holds already are reused.
-    plan : Plan
     root : str or None
         Data root; TWINGAP_DATA when None.
     jobs, backend, address
         Where to run; see `twingap.sweep.backends.open_pool`. Workers of a cluster must see the data at the same path.
     command : str
         Command line, for the provenance.
-    progress : callable
-        Progress callback.
 
     Returns
     -------
@@ -115,15 +95,14 @@ def run_public(
     held, skipped = _available(plan, root)
     files.try_folder(out)
     code, data = _digests(held)
-    run = functools.partial(
-        _swept,
-        store=Path(out) / "work",
-        code=code,
-        data=data,
-        root=root,
-        where={"n_jobs": jobs, "backend": backend, "address": address},
-        progress=progress,
-    )
+
+    def run(work: Sequence[PublicJob], what: str) -> list[Any]:
+        return swept(
+            functools.partial(run_job, root=root), work, functools.partial(progress, what),
+            lambda job: job.description, store=Path(out) / "work", version=code, data=data, n_jobs=jobs,
+            backend=backend, address=address,
+        )  # fmt: skip
+
     results: dict[PublicJob, dict[str, Any]] = {}
     best: dict[str, str] = {}
     if "verdicts" in plan.parts:
@@ -197,27 +176,6 @@ def _digests(held: Mapping[str, PublicSet]) -> tuple[str, dict[str, str]]:
     return code, {"learnt": shipped_digest(), **{name: own.records.digest for name, own in held.items()}}
 
 
-def _swept(
-    work: Sequence[PublicJob], what: str, *, store: Path, code: str, data: Mapping[str, str], root: str | None,
-    where: Mapping[str, Any], progress: Progress,
-) -> list[dict[str, Any]]:  # fmt: skip
-    from twingap.sweep import sweep
-
-    done = 0
-
-    def one_more(_: object) -> None:
-        nonlocal done
-        done += 1
-        progress(what, done, len(work))
-
-    progress(what, 0, len(work))
-    results = sweep(
-        functools.partial(run_job, root=root), work, store=store, **where, version=code, data=data,
-        on_result=one_more, describe=lambda job: job.description,
-    )  # fmt: skip
-    return [dict(result.value) for result in results]
-
-
 # ---------------------------------------------------------------------------------------------------------------- jobs
 
 
@@ -275,27 +233,15 @@ def _closest_jobs(plan: Plan, name: str, root: str | None) -> list[PublicJob]:
 
 
 def naming(row: Mapping[str, Any], effect: str, others: Sequence[str] = ()) -> dict[str, Any]:
-    """Whether a diagnosis names an effect: first, at all, and whether its confidence set contains the truth.
-
-    Parameters
-    ----------
-    row : mapping
-        From `run_job`.
-    effect : str
-        The missing effect.
-    others : sequence of str
-        Other missing effects; the truth is `effect` together with these.
-    """
+    """Whether a diagnosis (a row of `run_job`) names a missing effect: first, at all, and whether its confidence set
+    contains the truth, which is the effect together with other missing ones."""
     if row.get("refused"):
         return {"first": None, "named": None, "covers": None, "in_a_set": None}
-    truth = {effect, *others}
     sets = [set(s) for s in row["confidence_set"]]
     return {
-        "first": row["effects"][:1] == [effect],
-        "named": effect in row["effects"],
-        "covers": truth in sets,
-        "in_a_set": any(effect in s for s in sets),
-    }
+        "first": row["effects"][:1] == [effect], "named": effect in row["effects"],
+        "covers": {effect, *others} in sets, "in_a_set": any(effect in s for s in sets),
+    }  # fmt: skip
 
 
 def withheld_rows(results: Mapping[PublicJob, Mapping[str, Any]]) -> list[dict[str, Any]]:

@@ -13,7 +13,6 @@ from dataclasses import dataclass, replace
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from twingap.effects import trainable
@@ -36,8 +35,6 @@ from twingap.twins.population import machines
 from twingap.twins.simulator import TwinSimulator
 from twingap.twins.twin_file import TwinSpec
 
-Array = NDArray[np.float64]
-
 PIECE_S: Final = 2.0
 """Length of a record, s. Longer records resolve closer lines, and are fewer."""
 TAUGHT: Final = 4
@@ -51,15 +48,9 @@ _FIRST_TAUGHT: Final = 20
 
 @dataclass(frozen=True)
 class Split:
-    """A stated split of a set's records.
+    """A stated split of a set's records: `groups` are the recordings that are fitted, all others are judged.
 
-    Parameters
-    ----------
-    name : str
-    new_bearings : bool
-        Whether the judged records are of other bearings than the fitted ones, rather than of other operating points.
-    groups : frozenset of str
-        Recordings that are fitted; all others are judged.
+    With `new_bearings` the judged records are of other bearings than the fitted ones, else of other operating points.
     """
 
     name: str
@@ -124,20 +115,8 @@ def closest_row(
 ) -> dict[str, Any]:
     """Row of one split: effects and closures of the closest twin, and accuracies of the classifiers that it teaches.
 
-    Parameters
-    ----------
-    records : RecordSet
-    spec : TwinSpec
-        The twin as given.
-    rng : numpy.random.Generator
-    split : Split
-    detectors_alone : bool
-        Whether effects without a detector are left out; then nothing is taught.
-
-    Returns
-    -------
-    dict
-        JSON values; ``refused`` holds the reason when there is no closest twin.
+    JSON values; ``refused`` holds the reason when there is no closest twin. With `detectors_alone`, effects without a
+    detector are left out, and nothing is taught.
     """
     begin = time.perf_counter()
     about = {"split_by": split.name, "new_bearings": split.new_bearings}
@@ -246,14 +225,8 @@ def _taught(held_out: HeldOut, now: Compared, rng: np.random.Generator) -> dict[
 def recognised(taught: Sequence[Sequence[FeatureVectors]], judged: FeatureVectors, seed: int) -> float:
     """Part of the judged recordings that trees name right.
 
-    Parameters
-    ----------
-    taught : sequence of sequences of FeatureVectors
-        Sources of examples, which have equal weight whatever their numbers, as have the classes in each.
-    judged : FeatureVectors
-        Probabilities of the records of one group are averaged.
-    seed : int
-        Of the trees.
+    Sources of examples have equal weight whatever their numbers, as have the classes in each. Probabilities of the
+    judged records of one group are averaged.
     """
     from sklearn.ensemble import ExtraTreesClassifier  # a slow import
     from sklearn.utils.class_weight import compute_sample_weight

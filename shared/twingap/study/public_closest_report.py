@@ -103,14 +103,8 @@ def _means(rows: Sequence[Row]) -> list[dict[str, str]]:
     for title in dict.fromkeys(row["title"] for row in rows):
         own = [row["by_bearing"] for row in rows if row["title"] == title]
         means = {name: _mean([by.get(name) for by in own]) for name in ("verdict", "closest", "population")}
-        out.append(
-            {
-                "set": title,
-                "split": f"mean of {len(own)}",
-                **means,
-                "other bearings, real": _mean([by["other bearings"] for by in own]),
-            }
-        )
+        others = _mean([by["other bearings"] for by in own])
+        out.append({"set": title, "split": f"mean of {len(own)}", **means, "other bearings, real": others})
     return out
 
 

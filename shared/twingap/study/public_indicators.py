@@ -9,16 +9,13 @@ from __future__ import annotations
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from twingap.gap.features.registry import NAMES, measure
 from twingap.identification.calibrate import CLEAR_COMB, calibrate
 from twingap.identification.speed_reading import comb_heights
-from twingap.records import RecordSet
+from twingap.records import Array, RecordSet
 from twingap.signal.record_transforms import RecordTransforms
 from twingap.twins.twin_file import TwinSpec
-
-Array = NDArray[np.float64]
 
 OUTLYING: Final = 6.0
 """Threshold of an outlying signature, in robust standard deviations; larger reports fewer."""
@@ -34,13 +31,7 @@ ORDER_FEATURES: Final = ("lines.half_mean", "lines.order_high_mean")
 
 
 def indicators(records: RecordSet, rng: np.random.Generator) -> list[dict[str, Any]]:
-    """Plain indicators of each recording.
-
-    Parameters
-    ----------
-    records : RecordSet
-        The group of a record is its recording.
-    rng : numpy.random.Generator
+    """Plain indicators of each recording, which is the group of its records.
 
     Returns
     -------
@@ -86,18 +77,11 @@ def shows_fault(comb: dict[str, float], fault: str) -> bool | None:
     return comb[fault] >= CLEAR_COMB and comb[fault] == max(comb.values())
 
 
-def outlying(own: Array, others: list[Array], everyone: list[Array], most: int = 3) -> dict[str, float]:
-    """Signatures that deviate most from those of other recordings, in robust standard deviations.
+def outlying(own: Array, others: list[Array], everyone: list[Array]) -> dict[str, float]:
+    """The three signatures that deviate most from those of other recordings, in robust standard deviations.
 
-    Parameters
-    ----------
-    own : Array [signatures]
-    others : list of Array [signatures]
-        Of recordings of the same fault; with fewer than four the result is empty.
-    everyone : list of Array [signatures]
-        Of all recordings; half of their spread is the least scale.
-    most : int
-        Largest number of signatures returned.
+    `others` are of recordings of the same fault; with fewer than four the result is empty. Half of the spread of
+    `everyone` is the least scale. All [signatures].
     """
     if len(others) < 4:
         return {}
@@ -110,7 +94,7 @@ def outlying(own: Array, others: list[Array], everyone: list[Array], most: int =
         spread[j] = max(_spread(column), 0.5 * _spread(all_rows[np.isfinite(all_rows[:, j]), j]), 0.05)
     z = np.where(seen, (own - centre) / spread, 0.0)
     z[[name.endswith(PLACES) for name in NAMES]] = 0.0
-    order = np.argsort(-np.abs(z))[:most]
+    order = np.argsort(-np.abs(z))[:3]
     return {NAMES[j]: float(z[j]) for j in order if abs(z[j]) > OUTLYING}
 
 
@@ -119,12 +103,12 @@ def _spread(values: Array) -> float:
     return 1.4826 * float(np.median(np.abs(values - np.median(values))))
 
 
-def burst_db(x: Array, segments: int = 20) -> float:
-    """Level of the loudest of equal segments over their median, dB, in the top quarter of the band."""
+def burst_db(x: Array) -> float:
+    """Level of the loudest of twenty equal segments over their median, dB, in the top quarter of the band."""
     transform = np.fft.rfft(x - x.mean())
     transform[: 3 * transform.size // 4] = 0
     top = np.fft.irfft(transform, x.size)
-    levels = np.array([np.mean(part**2) for part in np.array_split(top, segments)])
+    levels = np.array([np.mean(part**2) for part in np.array_split(top, 20)])
     return float(10 * np.log10(max(float(levels.max()), 1e-300) / max(float(np.median(levels)), 1e-300)))
 
 

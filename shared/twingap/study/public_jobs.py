@@ -67,42 +67,22 @@ _LEAST_CHANGE: Final = 1e-9
 class PublicJob:
     """One job of the study.
 
-    Parameters
-    ----------
-    kind : str
-        "twin": records against a twin; "withheld": against the twin with the effects of `chain` except `effect`;
-        "injected" and "nothing": one half of the records, with or without `effect` added, against the other half;
-        "recording": one recording against the others of its bearing; "looks": plain indicators of every recording;
-        "closest": the closest twin of one part of the records, judged on the other.
-    data_set : str
-        Name of the data set.
-    twin : str
-        One of `TWINS`.
-    seed : int
-    pieces : int
-        Records cut from each recording.
-    effect : str
-        Withheld or injected effect; "" for none.
-    chain : str
-        JSON: effect -> parameters, in addition to the twin's own.
-    split : int
-        Number of the random halving, or of the stated split (`public_closest.splits`).
-    recording : str
-        Name of the recording.
-    detectors_alone : bool
-        Whether the closest twin has effects with detectors alone.
+    "twin": records against a twin; "withheld": against the twin with the effects of `chain` except `effect`; "injected"
+    and "nothing": one half of the records, with or without `effect` added, against the other half; "recording": one
+    recording against the others of its bearing; "looks": plain indicators of every recording; "closest": the closest
+    twin of one part of the records, judged on the other.
     """
 
     kind: Kind
     data_set: str
-    twin: str
+    twin: str  # one of `TWINS`
     seed: int
-    pieces: int
-    effect: str = ""
-    chain: str = ""
-    split: int = 0
+    pieces: int  # records cut from each recording
+    effect: str = ""  # withheld or injected
+    chain: str = ""  # JSON: effect -> parameters, in addition to the twin's own
+    split: int = 0  # number of the random halving, or of the stated split (`public_closest.splits`)
     recording: str = ""
-    detectors_alone: bool = False
+    detectors_alone: bool = False  # whether the closest twin has effects with detectors alone
 
     @property
     def description(self) -> str:
@@ -152,13 +132,7 @@ def injected_effect(name: str) -> Effect:
 
 
 def run_job(job: PublicJob, root: str | None = None) -> dict[str, Any]:
-    """Run one job.
-
-    Returns
-    -------
-    dict
-        JSON values; ``refused`` holds the reason when there is no diagnosis.
-    """
+    """Run one job: JSON values, of which ``refused`` holds the reason when there is no diagnosis."""
     own = public_set(job.data_set, root, job.pieces, CLOSEST_S if job.kind == "closest" else PIECE_S)
     rng = np.random.default_rng([job.seed, zlib.crc32(job.description.encode())])
     about = {"title": own.title, "real": own.real}
@@ -182,12 +156,7 @@ def run_job(job: PublicJob, root: str | None = None) -> dict[str, Any]:
 
 
 def diagnosed(
-    records: RecordSet,
-    spec: TwinSpec,
-    rng: np.random.Generator,
-    sim: RecordSet | None = None,
-    *,
-    quick: bool = True,
+    records: RecordSet, spec: TwinSpec, rng: np.random.Generator, sim: RecordSet | None = None, *, quick: bool = True
 ) -> dict[str, Any]:
     """Diagnosis as JSON values, or the reason of a refusal; with the closest twin unless `quick`."""
     from twingap.gap import diagnose
@@ -293,13 +262,6 @@ def _against_same_bearing(
 
 def injected(records: RecordSet, effect: Effect, bearing: Bearing, seed: int) -> tuple[RecordSet, float, float, str]:
     """Records with an effect added where it can act; on impacts alone where healthy records separate them from noise.
-
-    Parameters
-    ----------
-    records : RecordSet
-    effect : Effect
-    bearing : Bearing
-    seed : int
 
     Returns
     -------

@@ -5,28 +5,19 @@ table of `run_public` --json--> public.json;  --tables, `closest_section`--> pub
 
 from __future__ import annotations
 
-import json
 import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from twingap import files
 from twingap.study.public_closest_report import closest_section
 from twingap.study.public_jobs import TWINS
-from twingap.study.tables import finite, grid
+from twingap.study.tables import grid, write_tables
 
 
 def write_public(table: Mapping[str, Any], out: str | os.PathLike[str]) -> list[Path]:
     """Write public.json and public.md; returns their paths."""
-    text = json.dumps(finite(table), indent=1, allow_nan=False) + "\n"
-    written = []
-    for name, content in (("public.json", text), ("public.md", markdown(table))):
-        path = Path(out) / name
-        with files.replacing(path) as temporary:
-            temporary.write_text(content, encoding="utf-8")
-        written.append(path)
-    return written
+    return write_tables(table, markdown(table), Path(out), "public")
 
 
 def markdown(table: Mapping[str, Any]) -> str:
@@ -110,10 +101,8 @@ def twin_rows(table: Mapping[str, Any]) -> list[dict[str, str]]:
 def _twin(row: Mapping[str, Any], titles: Mapping[str, str]) -> dict[str, str]:
     first = {"set": titles[row["set"]], "twin": f"{row['twin']} ({TWINS[row['twin']]})"}
     if row["refused"]:
-        empty = dict.fromkeys(
-            ("lacks", "closes", "gap", "accuracy", "closest adds", "closes then", "accuracy then"), ""
-        )
-        return {**first, "verdict": f"refused: {row['refused']}", **empty}
+        columns = ("lacks", "closes", "gap", "accuracy", "closest adds", "closes then", "accuracy then")
+        return {**first, "verdict": f"refused: {row['refused']}", **dict.fromkeys(columns, "")}
     gap, closest = row["gap"], row.get("closest")
     return {
         **first,

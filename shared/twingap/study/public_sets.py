@@ -30,21 +30,11 @@ SINGLE: Final = "cwru"
 
 @dataclass(frozen=True)
 class PublicSet:
-    """A set of records and its origin.
+    """A set of records and its origin."""
 
-    Parameters
-    ----------
-    records : RecordSet
-        Pieces of one length; group = recording.
-    title : str
-        Label of all results: "CWRU", or "virtual rig, not CWRU".
-    real : bool
-        Whether the records are measured; False for a virtual rig.
-    """
-
-    records: RecordSet
-    title: str
-    real: bool
+    records: RecordSet  # pieces of one length; group = recording
+    title: str  # label of all results: "CWRU", or "virtual rig, not CWRU"
+    real: bool  # whether the records are measured; False for a virtual rig
 
 
 def public_set(name: str, root: str | None, pieces: int, piece_s: float = PIECE_S) -> PublicSet:
@@ -165,24 +155,14 @@ def halves(records: RecordSet, rng: np.random.Generator) -> tuple[RecordSet, Rec
 
 @dataclass(frozen=True)
 class Documented:
-    """A finding of the literature on single CWRU recordings.
-
-    Parameters
-    ----------
-    finding : str
-        The finding.
-    recordings : tuple of str
-        Numbers of recordings of the drive end at 12 kHz; empty where they could not be verified.
-    shows : {"fault unclear", "clipping", "bursts", "looseness", "rate", ""}
-        Indicator of `public_looks` that should confirm it.
-    source : str
-        Reference, and the extent to which it could be verified.
-    """
+    """A finding of the literature on single CWRU recordings."""
 
     finding: str
+    # Numbers of recordings of the drive end at 12 kHz; empty where they could not be verified.
     recordings: tuple[str, ...]
+    # Indicator that should confirm it: "fault unclear", "clipping", "bursts", "looseness", "rate", "".
     shows: str
-    source: str
+    source: str  # reference, and the extent to which it could be verified
 
 
 _SMITH: Final = "W. A. Smith, R. B. Randall, MSSP 64-65 (2015) 100-131, doi:10.1016/j.ymssp.2015.04.021"

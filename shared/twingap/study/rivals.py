@@ -4,7 +4,8 @@ training worlds --plain statistics--> Examples --fit--> Rival
 blind world     --plain statistics--> vector   --------> Rival.predict --> Found
                 --per record--------> forest, measured or simulated? --importance--> Found (no training needed)
 
-Each rival's docstring states which of its outputs counts as "outside the catalogue".
+Each rival's docstring states which of its outputs counts as "outside the catalogue". To add one, derive it from `Rival`
+and name it in `runner.default_rivals`.
 """
 
 from __future__ import annotations
@@ -18,11 +19,9 @@ from typing import Any, ClassVar, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from twingap.records import RecordSet
+from twingap.records import Array, RecordSet
 from twingap.study import statistics
 from twingap.study.verdicts import Found
-
-Array = NDArray[np.float64]
 
 PERMUTATIONS: Final = 39
 """Permutations of the two-sample test; fewer than 19 can never reach p = 0.05, more give a finer p-value."""
@@ -77,19 +76,8 @@ def two_sample(ours: Array, theirs: Array, rng: np.random.Generator, permutation
     """Classifier two-sample test with a random forest, with the effect inferred from its most important statistic.
 
     A gap is claimed at permutation p <= 0.05 of the out-of-bag area under the ROC curve. The effect of the most
-    important statistic in the table `READING` is named: one at most, and never "outside the catalogue".
-
-    Parameters
-    ----------
-    ours, theirs : Array [records, statistics]
-        Measured and simulated records.
-    rng : numpy.random.Generator
-    permutations : int
-        Permutations of the labels.
-
-    Returns
-    -------
-    Found
+    important statistic in the table `READING` is named: one at most, and never "outside the catalogue". Measured and
+    simulated records are [records, statistics].
 
     References
     ----------
@@ -125,16 +113,8 @@ def _forest(x: Array, label: NDArray[np.int64], seed: int) -> tuple[float, Array
 
 @dataclass(frozen=True)
 class Examples:
-    """Training examples, one per world.
-
-    Parameters
-    ----------
-    x : Array [worlds, statistics]
-        From `statistics.of_world`; NaN allowed.
-    present : NDArray[bool] [worlds, effects]
-        Whether the effect is missing from the twin.
-    effects : tuple of str
-    """
+    """Training examples, one per world: x [worlds, statistics] from `statistics.of_world`, and whether each effect is
+    missing from the twin, present [worlds, effects]."""
 
     x: Array
     present: NDArray[np.bool_]
@@ -155,13 +135,7 @@ def examples(worlds: Iterable[tuple[RecordSet, RecordSet, frozenset[str]]], effe
 
 
 class Rival(ABC):
-    """A method that is trained on examples.
-
-    Attributes
-    ----------
-    name : str
-        Name in tables.
-    """
+    """A method that is trained on examples; its name is that in tables."""
 
     name: ClassVar[str]
 
@@ -192,10 +166,10 @@ class Filled:
         return np.asarray(np.clip(standard, -5, 5))
 
 
-def named(probability: Array, effects: Sequence[str], threshold: float = 0.5) -> tuple[str, ...]:
-    """Effects at or above the threshold, in descending order of probability."""
+def named(probability: Array, effects: Sequence[str]) -> tuple[str, ...]:
+    """Effects of probability 0.5 or more, in descending order."""
     order = np.argsort(-probability, kind="stable")
-    return tuple(effects[i] for i in order if probability[i] >= threshold)
+    return tuple(effects[i] for i in order if probability[i] >= 0.5)
 
 
 class OneClassifier(Rival):

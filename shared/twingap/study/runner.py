@@ -15,7 +15,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType
-from typing import TYPE_CHECKING, Any, Final, TypedDict
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
@@ -26,6 +26,7 @@ from twingap.study import scores, worker
 from twingap.study.parameters import parameter_errors
 from twingap.study.prepare import prepared, training_worlds
 from twingap.study.rivals import PERMUTATIONS, Detectors, Examples, OneClassifier, Rival, as_row, with_two_sample
+from twingap.study.sweeps import swept
 from twingap.study.verdicts import PLAIN, Found, Row, found_in, of_kind, was_of
 
 if TYPE_CHECKING:
@@ -40,14 +41,6 @@ BOTH: Final = "extra-trees detectors with two-sample test"
 
 Progress = Callable[[str, int, int], None]
 """Progress callback: progress(stage, done, total)."""
-
-
-class Where(TypedDict):
-    """Where jobs run; see `twingap.sweep.backends.open_pool`."""
-
-    n_jobs: int | None
-    backend: str
-    address: str | None
 
 
 @dataclass(frozen=True)
@@ -107,7 +100,6 @@ def run_study(
         Output folder; one that holds the beginning of the same study is resumed.
     cases : sequence of Case
         From `twingap.rigs.worlds.cases`; names unique.
-    seed : int
     diagnose : callable, optional
         See `worker.Diagnose`; `twingap.gap.diagnose` when None. Defined at module level, as `prepare` and `training`.
     prepare : callable
@@ -126,8 +118,6 @@ def run_study(
         Where to run; see `twingap.sweep.backends.open_pool`.
     command : str
         Command line, for the provenance.
-    progress : callable
-        Progress callback.
 
     Returns
     -------
@@ -141,42 +131,34 @@ def run_study(
     SweepError
         When a diagnosis ended with an error other than `TwingapError`; results of the other worlds are kept.
     """
-    begin, folder = time.perf_counter(), Path(out)
-    where: Where = {"n_jobs": jobs, "backend": backend, "address": address}
+    begin = time.perf_counter()
     names = [case.name for case in cases]
     if len(set(names)) < len(names):
         raise TwingapError("two cases of one name", where="study", mend="give every case its own name")
     diagnose = diagnose or diagnosis()
     code = {"diagnosis": digest_of(diagnose), "worlds": digest_of_worlds()}
 
-    sealed = _seal(folder, cases, seed, code, where, progress)
-    learnt_from = learnt_digest(diagnose)
-    diagnoses = _diagnosed(
-        folder,
-        cases,
-        seed,
-        sealed,
-        diagnose,
-        prepare,
-        permutations,
-        closest,
-        {**code, "learnt": learnt_from},
-        where,
-        progress,
-    )
+    where = {"n_jobs": jobs, "backend": backend, "address": address}
+    run = _Run(Path(out), cases, seed, code, where, progress)
+    sealed = _sealed(run)
+    worlds, learnt_from = sealed["worlds"], learnt_digest(diagnose)
+    diagnoses = run.swept(
+        "diagnoses", "worlds diagnosed", functools.partial(worker.diagnose_world, diagnose=diagnose, prepare=prepare),
+        [worker.DiagnoseJob(c, seed, worlds[c.name]["records_sha256"], permutations, closest) for c in cases],
+        digest_of(worker.diagnose_world, "blind", "rivals", "statistics", "worker"),
+        {**code, "learnt": learnt_from, "prepare": digest_of(prepare)},
+    )  # fmt: skip
     found = {DIAGNOSIS: [_found(d) for d in diagnoses]}
     if permutations:
         found[TWO_SAMPLE] = [_tested(d) for d in diagnoses]
-    learnt, skipped = _learnt(
-        folder, seed, training, training_count if permutations else 0, rivals, code, where, progress
-    )
+    learnt, skipped = _learnt(run, training, training_count if permutations else 0, rivals)
     x = np.array([d["statistics"] for d in diagnoses])
     for rival in learnt:
         found[rival.name] = rival.predict(x)
         if isinstance(rival, Detectors):
             found[BOTH] = with_two_sample(found[rival.name], found[TWO_SAMPLE])
 
-    was = _opened(folder, cases, seed, sealed, code, where, progress)
+    was = _opened(run, sealed)
     rows = {method: [Row(w, f) for w, f in zip(was, findings, strict=True)] for method, findings in found.items()}
     provenance = {
         "seed": seed, "cases": len(cases), "command": command, "versions": versions(), "code_sha256": code,
@@ -186,6 +168,28 @@ def run_study(
         "diagnosis_s": sum(d["seconds"] for d in diagnoses), "runtime_s": time.perf_counter() - begin,
     }  # fmt: skip
     return Study(_table(rows, diagnoses, provenance), rows)
+
+
+@dataclass(frozen=True)
+class _Run:
+    """What the steps of a study have in common: its folder, cases, seed, digests of the code, and where jobs run."""
+
+    folder: Path
+    cases: Sequence[Case]
+    seed: int
+    code: Mapping[str, str]
+    where: Mapping[str, Any]
+    progress: Progress
+
+    def swept(
+        self, step: str, what: str, function: Callable[[Any], Any], work: Sequence[Any], version: str,
+        data: Mapping[str, str],
+    ) -> list[Any]:  # fmt: skip
+        """Results of the jobs of a step; those that the folder holds are reused."""
+        return swept(
+            function, work, functools.partial(self.progress, what), _in_words, store=self.folder / "work" / step,
+            version=version, data=data, **self.where,
+        )  # fmt: skip
 
 
 def _table(
@@ -217,26 +221,18 @@ def _table(
     }  # fmt: skip
 
 
-def _seal(
-    folder: Path, cases: Sequence[Case], seed: int, code: Mapping[str, str], where: Where, progress: Progress
-) -> dict[str, Any]:
+def _sealed(run: _Run) -> dict[str, Any]:
     """Content of sealed.json, written here unless the folder holds one."""
-    identity = {"seed": seed, "cases": digest_of_value([plain(case) for case in cases]), "worlds": code["worlds"]}
-    held = folder / "sealed.json"
+    cases, code = run.cases, run.code
+    identity = {"seed": run.seed, "cases": digest_of_value([plain(case) for case in cases]), "worlds": code["worlds"]}
+    held = run.folder / "sealed.json"
     if held.exists():
         return _resumed(held, identity)
     nonces = {case.name: secrets.token_hex(16) for case in cases}
     # Nonces are written first: without them the seals could not be opened.
-    _write(folder / "nonces.json", nonces)
-    made = _sweep(
-        worker.seal_world,
-        [worker.SealJob(case, seed, nonces[case.name]) for case in cases],
-        folder / "work" / "sealing",
-        code["worlds"],
-        {},
-        where,
-        functools.partial(progress, "worlds sealed"),
-    )
+    _write(run.folder / "nonces.json", nonces)
+    work = [worker.SealJob(case, run.seed, nonces[case.name]) for case in cases]
+    made = run.swept("sealing", "worlds sealed", worker.seal_world, work, code["worlds"], {})
     sealed = {"asked": identity, "code_sha256": dict(code),
               "worlds": {case.name: value for case, value in zip(cases, made, strict=True)}}  # fmt: skip
     _write(held, sealed)
@@ -256,47 +252,28 @@ def _resumed(held: Path, identity: Mapping[str, Any]) -> dict[str, Any]:
     return sealed
 
 
-def _diagnosed(
-    folder: Path, cases: Sequence[Case], seed: int, sealed: Mapping[str, Any], diagnose: worker.Diagnose,
-    prepare: worker.Prepare, permutations: int, closest: bool, code: Mapping[str, str], where: Where,
-    progress: Progress,
-) -> list[dict[str, Any]]:  # fmt: skip
-    return _sweep(
-        functools.partial(worker.diagnose_world, diagnose=diagnose, prepare=prepare),
-        [worker.DiagnoseJob(c, seed, sealed["worlds"][c.name]["records_sha256"], permutations, closest) for c in cases],
-        folder / "work" / "diagnoses",
-        digest_of(worker.diagnose_world, "blind", "rivals", "statistics", "worker"),
-        {**code, "prepare": digest_of(prepare)},
-        where,
-        functools.partial(progress, "worlds diagnosed"),
-    )
-
-
-def _opened(
-    folder: Path, cases: Sequence[Case], seed: int, sealed: Mapping[str, Any], code: Mapping[str, str],
-    where: Where, progress: Progress,
-) -> list[Any]:  # fmt: skip
+def _opened(run: _Run, sealed: Mapping[str, Any]) -> list[Any]:
     """Truths of the worlds, each verified against its seal."""
     from twingap.rigs.worlds import open_seal
 
-    nonces = json.loads((folder / "nonces.json").read_text(encoding="utf-8"))
-    version = digest_of_value([code["worlds"], digest_of(worker.open_world, "closure"), _digest_of_references()])
-    results = _sweep(worker.open_world, [worker.OpenJob(c, seed) for c in cases], folder / "work" / "opening",
-                     version, {}, where, functools.partial(progress, "seals opened"))  # fmt: skip
+    nonces = json.loads((run.folder / "nonces.json").read_text(encoding="utf-8"))
+    own = digest_of(worker.open_world, "closure")
+    version = digest_of_value([run.code["worlds"], own, _digest_of_references()])
+    work = [worker.OpenJob(case, run.seed) for case in run.cases]
+    results = run.swept("opening", "seals opened", worker.open_world, work, version, {})
     was, opened = [], {}
-    for case, value in zip(cases, results, strict=True):
+    for case, value in zip(run.cases, results, strict=True):
         seal = sealed["worlds"][case.name]["seal"]
         truth = open_seal(seal, value["truth"], nonces[case.name])
         was.append(was_of(truth, value["closure"], value["left"]))
         opened[case.name] = {"seal": seal, "nonce": nonces[case.name], "truth": value["truth"]}
-    _write(folder / "opened.json", opened)
+    _write(run.folder / "opened.json", opened)
     return was
 
 
 def _learnt(
-    folder: Path, seed: int, training: worker.Triples, count: int, rivals: Sequence[Rival] | None,
-    code: Mapping[str, str], where: Where, progress: Progress,
-) -> tuple[list[Rival], dict[str, str]]:  # fmt: skip
+    run: _Run, training: worker.Triples, count: int, rivals: Sequence[Rival] | None
+) -> tuple[list[Rival], dict[str, str]]:
     """Trained rivals, and the reasons why others were skipped."""
     wanted = list(default_rivals() if rivals is None else rivals)
     skipped = {r.name: reason for r in wanted if (reason := r.skip())}
@@ -304,43 +281,18 @@ def _learnt(
     if not count or not ready:
         return [], skipped | {r.name: "no training worlds" for r in ready}
     sizes = [min(CHUNK, count - start) for start in range(0, count, CHUNK)]
-    parts = _sweep(
-        functools.partial(worker.learn_from, worlds=training),
-        [worker.LearnJob(seed, i, size) for i, size in enumerate(sizes)],
-        folder / "work" / "training",
+    parts = run.swept(
+        "training", "training worlds of rivals", functools.partial(worker.learn_from, worlds=training),
+        [worker.LearnJob(run.seed, i, size) for i, size in enumerate(sizes)],
         digest_of(worker.learn_from, "statistics"),
-        {"training": digest_of(training), "diagnosis": code["diagnosis"]},
-        where,
-        functools.partial(progress, "training worlds of rivals"),
-    )
-    examples = Examples(
-        np.concatenate([p["x"] for p in parts]),
-        np.concatenate([p["present"] for p in parts]).astype(bool),
-        tuple(parts[0]["effects"]),
-    )
+        {"training": digest_of(training), "diagnosis": run.code["diagnosis"]},
+    )  # fmt: skip
+    x, present = (np.concatenate([part[name] for part in parts]) for name in ("x", "present"))
+    examples = Examples(x, present.astype(bool), tuple(parts[0]["effects"]))
     for place, rival in enumerate(ready):
-        progress("rivals trained", place, len(ready))
-        rival.fit(examples, np.random.default_rng([seed, place, 0xF17]))
+        run.progress("rivals trained", place, len(ready))
+        rival.fit(examples, np.random.default_rng([run.seed, place, 0xF17]))
     return ready, skipped
-
-
-def _sweep(
-    function: Callable[[Any], Any], work: Sequence[Any], store: Path, version: str, data: dict[str, str],
-    where: Where, progress: Callable[[int, int], None],
-) -> list[Any]:  # fmt: skip
-    from twingap.sweep import sweep
-
-    done = 0
-
-    def one_more(_: object) -> None:
-        nonlocal done
-        done += 1
-        progress(done, len(work))
-
-    progress(0, len(work))
-    results = sweep(function, work, store=store, **where, version=version, data=data, on_result=one_more,
-                    describe=_in_words)  # fmt: skip
-    return [result.value for result in results]
 
 
 def _in_words(job: Any) -> str:

@@ -2,6 +2,8 @@
 
 rows of one method --counted by kind, strength, effect, arm--> Score, Score, ...
                    --first named against true--> confusion;  --probability against truth--> reliability
+
+A score is a line in `headline` where it has a target, else in `detailed`; tables and figures show both by name.
 """
 
 from __future__ import annotations
@@ -36,17 +38,7 @@ COMPARED: Final = (
 
 @dataclass(frozen=True)
 class Target:
-    """Target of a score.
-
-    Parameters
-    ----------
-    bound : float
-        Same unit as the score.
-    at_least : bool
-        Whether the bound is a lower one; False = an upper one.
-    of : {"value", "high"}
-        Whether the bound applies to the value or to the upper end of its interval.
-    """
+    """Target of a score: a lower or an upper bound of its "value", or of the upper end of its interval ("high")."""
 
     bound: float
     at_least: bool = True
@@ -55,35 +47,21 @@ class Target:
     @property
     def words(self) -> str:
         """Text such as "at least 0.95"."""
-        return (
-            f"{'upper bound ' if self.of == 'high' else ''}{'at least' if self.at_least else 'at most'} {self.bound:g}"
-        )
+        of = "upper bound " if self.of == "high" else ""
+        return f"{of}{'at least' if self.at_least else 'at most'} {self.bound:g}"
 
 
 @dataclass(frozen=True)
 class Score:
-    """One score of a method.
-
-    Parameters
-    ----------
-    name, among : str
-        Quantity, and the worlds over which it is computed.
-    value, low, high : float
-        Value and 95 % interval; NaN without data.
-    n : int
-        Number of worlds, or of named and true effects for precision and recall.
-    k : int or None
-        Successes; None where the value is not a rate.
-    target : Target or None
-    """
+    """One score of a method."""
 
     name: str
-    among: str
+    among: str  # the worlds over which it is computed
     value: float
-    low: float
+    low: float  # 95 % interval; NaN without data
     high: float
-    n: int
-    k: int | None = None
+    n: int  # number of worlds, or of named and true effects for precision and recall
+    k: int | None = None  # successes; None where the value is not a rate
     target: Target | None = None
 
     @property
@@ -280,11 +258,8 @@ def by_effect(rows: Sequence[Row]) -> list[dict[str, Any]]:
     table = []
     for effect in sorted({e for r in rows for e in r.was.effects}):
         for strength in STRENGTHS:
-            alone = [
-                r
-                for r in of_kind(rows, "single", "path", "lines")
-                if r.was.effects == (effect,) and r.was.one_strength == strength
-            ]
+            alone = [r for r in of_kind(rows, "single", "path", "lines")
+                     if r.was.effects == (effect,) and r.was.one_strength == strength]  # fmt: skip
             company = [r for r in of_kind(rows, "pair", "crowd", "outside_plus")
                        if effect in r.was.effects and r.was.strength.get(effect) == strength]  # fmt: skip
             measures: dict[str, list[bool]] = {
@@ -376,10 +351,7 @@ def confusion(rows: Sequence[Row], effects: Sequence[str]) -> np.ndarray[tuple[i
 def reliability(rows: Sequence[Row], bins: int = 10) -> list[dict[str, Any]]:
     """Observed frequency of effects by bins of predicted probability, for worlds without uncatalogued effects.
 
-    Returns
-    -------
-    list of dict
-        lo, hi, mean_probability, value, low, high, k, n. Intervals treat effects as independent.
+    Intervals treat effects as independent.
     """
     pairs = [(p, e in r.was.effects) for r in rows if not r.was.uncatalogued for e, p in r.found.probability.items()]
     edges = np.linspace(0, 1, bins + 1)

@@ -13,14 +13,11 @@ from functools import cache
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import signal
 from scipy.stats import kurtosis, skew
 
 from twingap.bearing import Bearing
-from twingap.records import Record, RecordSet
-
-Array = NDArray[np.float64]
+from twingap.records import Array, Record, RecordSet
 
 BANDS: Final = 16
 """Bands of equal width whose power is a statistic each."""
@@ -48,14 +45,7 @@ def names() -> tuple[str, ...]:
 
 
 def of_record(record: Record, bearing: Bearing | None) -> Array:
-    """[statistics] Statistics of one record, in the order of `names`.
-
-    Parameters
-    ----------
-    record : Record
-    bearing : Bearing or None
-        Without it, statistics at its orders are NaN.
-    """
+    """[statistics] Statistics of one record, in the order of `names`; those at orders are NaN without a bearing."""
     condition = record.condition
     fs, shaft = condition.fs_hz, condition.speed_rpm / 60
     x = np.asarray(record.samples, float)
@@ -115,15 +105,7 @@ def of_record(record: Record, bearing: Bearing | None) -> Array:
 
 
 class Lines:
-    """Heights of spectral lines over the local median of a periodogram.
-
-    Parameters
-    ----------
-    power : Array [bins]
-        Periodogram.
-    df_hz : float
-        Bin spacing, Hz.
-    """
+    """Heights of spectral lines over the local median of a periodogram [bins]."""
 
     def __init__(self, power: Array, df_hz: float) -> None:
         self.power, self.df_hz = power, df_hz

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
+from twingap import files
 from twingap.study.scores import COMPARED
 
 
@@ -102,6 +105,16 @@ def _interval(row: Mapping[str, Any]) -> str:
     if row["low"] is None and row["high"] is None:
         return ""
     return f"{_number(row['low'])} to {_number(row['high'])}"
+
+
+def write_tables(table: Mapping[str, Any], text: str, folder: Path, name: str) -> list[Path]:
+    """Write a table as NAME.json and its text as NAME.md; returns their paths."""
+    data = json.dumps(finite(table), indent=1, allow_nan=False) + "\n"
+    written = [folder / f"{name}.json", folder / f"{name}.md"]
+    for path, content in zip(written, (data, text), strict=True):
+        with files.replacing(path) as temporary:
+            temporary.write_text(content, encoding="utf-8")
+    return written
 
 
 def finite(value: Any) -> Any:

@@ -19,15 +19,7 @@ Files = Iterable[str | os.PathLike[str]]
 
 
 def track_blind(tracker: Tracker, table: Mapping[str, Any], files: Files = ()) -> None:
-    """Log a blind study.
-
-    Parameters
-    ----------
-    tracker : Tracker
-    table : mapping
-        Content of study.json.
-    files : iterable of path-like
-        Files to keep with the run.
+    """Log a blind study, the content of its study.json, and keep files with the run.
 
     Raises
     ------
@@ -50,21 +42,7 @@ def track_blind(tracker: Tracker, table: Mapping[str, Any], files: Files = ()) -
 
 
 def track_public(tracker: Tracker, table: Mapping[str, Any], files: Files = ()) -> None:
-    """Log a study on public records.
-
-    Parameters
-    ----------
-    tracker : Tracker
-    table : mapping
-        Content of public.json.
-    files : iterable of path-like
-        Files to keep with the run.
-
-    Raises
-    ------
-    TwingapError
-        When the tracker's store cannot be written.
-    """
+    """Log a study on public records, the content of its public.json; files and errors as `track_blind`."""
     about = table["provenance"]
     names = ", ".join(one["name"] for one in table["sets"])
     with tracker.run(f"public · {names} · seed {about['plan']['seed']}", {"kind": "public study"}) as run:

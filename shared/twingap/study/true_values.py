@@ -37,13 +37,8 @@ _GAIN = 1.3
 
 @dataclass(frozen=True)
 class Left:
-    """Distances of one machine, in standard deviations; negative where the unbiased square is negative.
-
-    Parameters
-    ----------
-    before, after : float
-        Without the effect, and with it at its true values.
-    """
+    """Distances of one machine without the effect, and with it at its true values, in standard deviations; negative
+    where the unbiased square is negative."""
 
     before: float
     after: float
@@ -52,22 +47,18 @@ class Left:
 def left(name: str, number: int, seed: int, *, own: bool = False, healthy: bool = True) -> Left | None:
     """Distances of one machine before and after its true effect is added.
 
+    None where no machine's records could show the effect, or the simulator cannot have it.
+
     Parameters
     ----------
     name : str
         Name of the effect.
     number : int
         Number of the machine, which depends on this, the name and the seed alone.
-    seed : int
     own : bool
         Whether the machine is represented by records of its own simulator.
     healthy : bool
         Whether some of the records are healthy.
-
-    Returns
-    -------
-    Left or None
-        None where no machine's records could show the effect, or the simulator cannot have it.
     """
     rng = np.random.default_rng([seed, number, sum(map(ord, name))])
     drawn = _drawn(name, rng, own, healthy)

@@ -16,15 +16,8 @@ _STATUS, _CLEAR = Path("/proc/self/status"), Path("/proc/self/clear_refs")
 
 
 class Usage:
-    """Wall time of a block, and the peak memory of this process within it.
-
-    Attributes
-    ----------
-    seconds : float
-        Wall time, s.
-    peak_mb : float
-        Peak resident memory, MB, libraries included; on Linux within the block, elsewhere since the process began.
-    """
+    """Wall time of a block, and the peak resident memory of this process, libraries included: on Linux within the
+    block, elsewhere since the process began."""
 
     seconds: float
     peak_mb: float

@@ -1,4 +1,4 @@
-"""Findings of a method and truth of a world: the two sides that scores compare.
+"""Findings of a method on a virtual world, and the truth of it: the two sides that scores compare.
 
 gap report of the diagnosis --found_in--+
 output of a rival ----------------------+--> Found --+
@@ -25,45 +25,26 @@ KINDS = (*PLAIN, *RICH)
 
 @dataclass(frozen=True)
 class Found:
-    """Findings of a method on a world.
+    """Findings of a method on a world."""
 
-    Parameters
-    ----------
-    status : str
-        no_gap, explained, partly_explained or unexplained, as in gap_report.schema.json; refused when there was no
-        diagnosis, which counts as no finding and is correct only where there is no gap.
-    effects : tuple of str
-        Missing effects, strongest first.
-    confidence_set : tuple of tuple of str, or None
-        None for a method without one.
-    probability : Mapping[str, float]
-        Effect -> probability that it is missing; empty for a method without probabilities.
-    p_value : float or None
-        Of the hypothesis of no gap.
-    parameters : Mapping[str, Mapping[str, Mapping[str, Any]]]
-        Effect -> parameter -> value, unit, ci; of the named effects.
-    closure : float or None
-        Closure of the verdict, dimensionless.
-    closest : float or None
-        Closure of the closest twin, with the effects of the verdict and all others that bring it closer; None where
-        it was not sought.
-    gaps : (float, float, float) or None
-        Gap over all domains before and after, and its floor, in standard deviations.
-    runtime_s, peak_mb : float or None
-        Wall time, s, and peak memory, MB.
-    """
-
+    # no_gap, explained, partly_explained or unexplained, as in gap_report.schema.json; refused when there was no
+    # diagnosis, which counts as no finding and is correct only where there is no gap.
     status: str
-    effects: tuple[str, ...] = ()
-    confidence_set: tuple[tuple[str, ...], ...] | None = None
+    effects: tuple[str, ...] = ()  # missing effects, strongest first
+    confidence_set: tuple[tuple[str, ...], ...] | None = None  # None for a method without one
+    # Effect -> probability that it is missing; empty for a method without probabilities.
     probability: Mapping[str, float] = field(default_factory=dict)
-    p_value: float | None = None
+    p_value: float | None = None  # of the hypothesis of no gap
+    # Effect -> parameter -> value, unit, ci; of the named effects.
     parameters: Mapping[str, Mapping[str, Mapping[str, Any]]] = field(default_factory=dict)
-    closure: float | None = None
+    closure: float | None = None  # closure of the verdict, dimensionless
+    # Closure of the closest twin, with the effects of the verdict and all others that bring it closer; None where it
+    # was not sought.
     closest: float | None = None
+    # Gap over all domains before and after, and its floor, in standard deviations.
     gaps: tuple[float, float, float] | None = None
-    runtime_s: float | None = None
-    peak_mb: float | None = None
+    runtime_s: float | None = None  # wall time
+    peak_mb: float | None = None  # peak memory
 
     @property
     def first(self) -> str | None:
@@ -94,33 +75,18 @@ class Found:
 
 @dataclass(frozen=True)
 class Was:
-    """Truth of a world.
-
-    Parameters
-    ----------
-    case, kind, arm : str
-    effects : tuple of str
-        Catalogued effects.
-    strength : Mapping[str, str]
-        Strength of each effect, also of those outside the catalogue.
-    uncatalogued : tuple of str
-        Effects outside the catalogue.
-    parameters : Mapping[str, Mapping[str, Any]]
-        Effect -> parameter -> true value.
-    closure : float or None
-        Closure of the true effects at their true values.
-    left : float or None
-        Gap between the machine without its effects and its own calibrated twin, in standard deviations.
-    """
+    """Truth of a world."""
 
     case: str
     kind: str
     arm: str
-    effects: tuple[str, ...] = ()
+    effects: tuple[str, ...] = ()  # catalogued effects
+    # Strength of each effect, also of those outside the catalogue.
     strength: Mapping[str, str] = field(default_factory=dict)
-    uncatalogued: tuple[str, ...] = ()
-    parameters: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
-    closure: float | None = None
+    uncatalogued: tuple[str, ...] = ()  # effects outside the catalogue
+    parameters: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)  # effect -> parameter -> true value
+    closure: float | None = None  # closure of the true effects at their true values
+    # Gap between the machine without its effects and its own calibrated twin, in standard deviations.
     left: float | None = None
 
     @property

@@ -36,15 +36,7 @@ Triples = Callable[[int, np.random.Generator], Iterable[tuple[RecordSet, RecordS
 
 @dataclass(frozen=True)
 class SealJob:
-    """Job: seal a world.
-
-    Parameters
-    ----------
-    case : Case
-    seed : int
-    nonce : str
-        Random text that is hashed with the truth.
-    """
+    """Job: seal a world; the nonce is random text that is hashed with the truth."""
 
     case: Case
     seed: int
@@ -53,25 +45,13 @@ class SealJob:
 
 @dataclass(frozen=True)
 class DiagnoseJob:
-    """Job: diagnose a world blind.
-
-    Parameters
-    ----------
-    case : Case
-    seed : int
-    records_sha256 : str
-        Digest of the records when the world was sealed.
-    permutations : int
-        Permutations of the rivals' two-sample test; 0 leaves all rivals out.
-    closest : bool
-        Whether the diagnosis also seeks the closest twin.
-    """
+    """Job: diagnose a world blind."""
 
     case: Case
     seed: int
-    records_sha256: str
-    permutations: int
-    closest: bool = False
+    records_sha256: str  # digest of the records when the world was sealed
+    permutations: int  # permutations of the rivals' two-sample test; 0 leaves all rivals out
+    closest: bool = False  # whether the diagnosis also seeks the closest twin
 
 
 @dataclass(frozen=True)
@@ -84,14 +64,7 @@ class OpenJob:
 
 @dataclass(frozen=True)
 class LearnJob:
-    """Job: make training worlds for the rivals.
-
-    Parameters
-    ----------
-    seed, chunk : int
-    count : int
-        Worlds in this chunk.
-    """
+    """Job: make some training worlds for the rivals, a chunk of all."""
 
     seed: int
     chunk: int

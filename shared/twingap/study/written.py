@@ -5,32 +5,19 @@ Study --json--> study.json;  --tables--> study.md;  --figures--> *.png
 
 from __future__ import annotations
 
-import json
 import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from twingap import files
 from twingap.study.figures import draw_all
-from twingap.study.tables import finite, markdown
+from twingap.study.tables import markdown, write_tables
 
 if TYPE_CHECKING:
     from twingap.study.runner import Study
 
 
 def write_study(study: Study, out: str | os.PathLike[str]) -> list[Path]:
-    """Write study.json, study.md and the figures.
-
-    Returns
-    -------
-    list of Path
-        The files written.
-    """
+    """Write study.json, study.md and the figures; returns their paths."""
     folder = Path(out)
-    text = json.dumps(finite(study.table), indent=1, allow_nan=False) + "\n"
-    written = []
-    for name, content in (("study.json", text), ("study.md", markdown(study.table))):
-        with files.replacing(folder / name) as temporary:
-            temporary.write_text(content, encoding="utf-8")
-        written.append(folder / name)
+    written = write_tables(study.table, markdown(study.table), folder, "study")
     return [*written, *draw_all(study.table, folder)]

@@ -61,7 +61,7 @@ def test_a_plain_effect_is_named_and_adding_it_closes_the_gap(clipped):
 
 def test_explained_is_said_where_nothing_points_to_a_further_effect(clipped):
     quiet = replace(clipped.explanation, rest_p=0.5)
-    closed = Closure(1.0, 0.35, 0.1, 0.7, (0.6, 0.8), (0.3, 0.4))
+    closed = Closure(1.0, 0.35, 0.1, 0.7, (0.6, 0.8))
     assert _status(quiet, closed, None) == "explained", "values that are a little off leave a rest"
     assert _status(quiet, replace(closed, closure=0.1, ci=(0.0, 0.4)), None) == "partly_explained"
     assert _status(replace(quiet, effects=()), closed, None) == "unexplained"

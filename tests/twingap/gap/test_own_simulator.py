@@ -215,7 +215,7 @@ def test_what_a_function_is_stated_to_model_is_no_candidate() -> None:
 def test_a_gap_that_nothing_shows_is_none() -> None:
     compared = evidence("nothing", "sim").against()
     found = Explanation(0.03, True, (), {}, (("clipping",),), 1.0, compared, compared, {})
-    below = Closure(0.0, 0.0, 0.14, 0.0, (0.0, 0.0), (0.0, 0.0))
+    below = Closure(0.0, 0.0, 0.14, 0.0, (0.0, 0.0))
     quiet = (TwoSampleTest("a", 0.5, 0.7),)
     changed, notes = _significant(found, below, quiet, ())
     assert not changed.gap

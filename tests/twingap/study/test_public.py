@@ -30,7 +30,8 @@ from twingap.gap.report.model import (
 from twingap.records import Condition, Record, RecordSet
 from twingap.rigs import make_rig
 from twingap.study import public, public_indicators, public_jobs, public_report, public_sets
-from twingap.study.public_jobs import PublicJob
+from twingap.study.public_jobs import PublicJob, run_job
+from twingap.study.sweeps import swept
 from twingap.study.tracking import track_public
 from twingap.track import FolderTracker
 from twingap.twins.twin_file import build_twin
@@ -412,17 +413,17 @@ def test_what_was_answered_is_taken_from_the_folder(monkeypatch: pytest.MonkeyPa
     monkeypatch.delenv("TWINGAP_DATA", raising=False)
     work = [PublicJob("nothing", "cwru", "bare", 0, 2)]
 
-    def swept() -> tuple[list[dict[str, Any]], list[tuple[int, int]]]:
+    def run() -> tuple[list[dict[str, Any]], list[tuple[int, int]]]:
         calls: list[tuple[int, int]] = []
-        found = public._swept(
-            work, "halves", store=tmp_path, code="one", data={"learnt": "0"}, root=None, where={"n_jobs": 1},
-            progress=lambda what, done, total: calls.append((done, total)),
+        found = swept(
+            run_job, work, lambda done, total: calls.append((done, total)), lambda job: job.description,
+            store=tmp_path, version="one", data={"learnt": "0"}, n_jobs=1,
         )  # fmt: skip
         return found, calls
 
-    first, _ = swept()
+    first, _ = run()
     held = {p: p.stat().st_mtime_ns for p in tmp_path.rglob("*.json")}
-    again, calls = swept()
+    again, calls = run()
     assert again == first and calls[-1] == (1, 1)
     assert {p: p.stat().st_mtime_ns for p in tmp_path.rglob("*.json")} == held
     assert first[0]["title"] == "virtual rig, not CWRU" and not first[0]["real"]

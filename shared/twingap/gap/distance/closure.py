@@ -15,13 +15,11 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from twingap.gap.distance.feature_vectors import FeatureVectors
 from twingap.gap.distance.paired import Paired
 from twingap.gap.report.model import Interval
-
-Array = NDArray[np.float64]
+from twingap.records import Array
 
 LEVEL: Final = 0.9
 """Probability of intervals."""
@@ -31,26 +29,13 @@ CLOSURE_BOUNDS: Final = (-10.0, 2.0)
 
 @dataclass(frozen=True)
 class Closure:
-    """The gap before and after effects were added to the twin.
+    """The gap before and after effects were added to the twin."""
 
-    Parameters
-    ----------
-    before, after, floor : float
-        Gap over all domains without and with the effects, and between records and records.
-    closure : float
-        (before - after) / (before - floor), clipped to -10 .. 2; 0 where there was no gap to close.
-    ci : (float, float)
-        90 % interval.
-    after_ci : (float, float)
-        90 % interval of the gap after.
-    """
-
-    before: float
+    before: float  # over all domains, without the effects
     after: float
-    floor: float
-    closure: float
-    ci: Interval
-    after_ci: Interval
+    floor: float  # between records and records
+    closure: float  # (before - after) / (before - floor), clipped to -10 .. 2; 0 where there was no gap to close
+    ci: Interval  # 90 %
 
 
 def closure(before: float, after: float, floor: float) -> float:
@@ -62,10 +47,7 @@ def closure(before: float, after: float, floor: float) -> float:
 
 
 def paired(
-    real: FeatureVectors,
-    before: Sequence[FeatureVectors],
-    after: Sequence[FeatureVectors],
-    scale: Array | None = None,
+    real: FeatureVectors, before: Sequence[FeatureVectors], after: Sequence[FeatureVectors], scale: Array | None = None
 ) -> tuple[Paired, Paired]:
     """Comparisons before and after, both standardised by `scale` [bins], or by the smaller of their spreads."""
     first, second = Paired(real, before), Paired(real, after)
@@ -76,24 +58,15 @@ def paired(
 def closure_interval(
     before: Paired, after: Paired, floor: float, rng: np.random.Generator, draws: int = 400
 ) -> Closure:
-    """Closure from two comparisons of the same records, with intervals from one bootstrap of both.
+    """Closure from two comparisons, made by `paired`, with an interval from one bootstrap of both.
 
-    Parameters
-    ----------
-    before, after : Paired
-        From `paired`.
-    floor : float
-        From `Paired.floor` of the comparison after.
-    rng : numpy.random.Generator
-    draws : int
-        Of the bootstrap.
+    `floor` is that of the comparison after, from `Paired.floor`.
     """
     (b,), (a,) = before.over_domains(before.squares())[0], after.over_domains(after.squares())[0]
     signs = before.draw_residuals(rng, draws)
     drawn_b, drawn_a = (p.over_domains(p.resampled(signs))[0] for p in (before, after))
     value = closure(float(b), float(a), floor)
-    ci = percentile_interval(_closures(drawn_b, drawn_a, floor), value)
-    return Closure(float(b), float(a), floor, value, ci, percentile_interval(drawn_a, float(a)))
+    return Closure(float(b), float(a), floor, value, percentile_interval(_closures(drawn_b, drawn_a, floor), value))
 
 
 def _closures(before: Array, after: Array, floor: float) -> Array:

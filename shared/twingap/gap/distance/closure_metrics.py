@@ -1,6 +1,9 @@
 """Measures of the gap before and after effects are added: distances, classifier AUC, MMD and classification accuracy.
 
 records, replicates before and after --> overall gap, gap in each domain, AUC, MMD^2, accuracy --> Metrics
+
+To add a measure, write a function of both comparisons that returns a `Metric`, and call it in `closure_metrics`, last,
+since all draw from one stream of random numbers. Reports show it by its name.
 """
 
 from __future__ import annotations
@@ -26,16 +29,17 @@ from twingap.gap.distance.two_sample_tests import (
     mmd_test,
 )
 from twingap.gap.report.model import Interval, Metric, TwoSampleTest
+from twingap.records import Array
 
-Array = NDArray[np.float64]
-TrainingSets = tuple[tuple[FeatureVectors, Sequence[str]] | None, tuple[FeatureVectors, Sequence[str]] | None]
-"""Simulated records and their faults, of the twin before and after."""
+TrainingSet = tuple[FeatureVectors, Sequence[str]]
+"""Simulated records and their faults."""
+TrainingSets = tuple[TrainingSet | None, TrainingSet | None]
+"""Those of the twin before and after."""
 
 _AUC: Final = "AUC of a classifier, records against twin"
 _MMD: Final = "MMD^2 between records and twin"
 _MEASURES: Final[Mapping[str, str]] = {AUC_TEST: _AUC, MMD_TEST: _MMD}
 """Two-sample test -> measure of the same statistic."""
-_NO_TRAINING_SETS: Final[TrainingSets] = (None, None)
 _DRAWS: Final = 400
 """Draws of each bootstrap: more make intervals more precise, and take longer."""
 _FOLDS: Final = 5
@@ -54,7 +58,7 @@ def closure_metrics(
     after: Sequence[FeatureVectors],
     rng: np.random.Generator,
     *,
-    more: TrainingSets | None = None,
+    more: TrainingSets = (None, None),
     floors: tuple[float, Mapping[DomainName, float]] | None = None,
     scale: Array | None = None,
 ) -> tuple[Metric, ...]:
@@ -65,7 +69,6 @@ def closure_metrics(
     real : FeatureVectors
         Held-out records.
     before, after : sequence of FeatureVectors [replicates]
-    rng : numpy.random.Generator
     more : TrainingSets, optional
         Further simulated records to train on, where those of the held-out conditions are few.
     floors : (float, Mapping), optional
@@ -84,13 +87,13 @@ def closure_metrics(
     signs = pairs[0].draw_residuals(rng, _DRAWS)
     (b, domains_b), (a, domains_a) = (p.over_domains(p.squares()) for p in pairs)
     (db, drawn_b), (da, drawn_a) = (p.over_domains(p.resampled(signs)) for p in pairs)
-    unit = "standard deviations"
-    out = [Metric("overall gap", b[0], a[0], floor, percentile_interval(da, a[0]), percentile_interval(db, b[0]), unit)]
-    for domain in real.domains:
-        vb, va = float(domains_b[domain][0]), float(domains_a[domain][0])
-        ci_a, ci_b = percentile_interval(drawn_a[domain], va), percentile_interval(drawn_b[domain], vb)
-        out.append(Metric(f"gap in {domain}", vb, va, of_domains[domain], ci_a, ci_b, unit))
-    out = [_plain(metric) for metric in out]
+    gaps = [("overall gap", b, a, floor, db, da)]
+    gaps += [(f"gap in {d}", domains_b[d], domains_a[d], of_domains[d], drawn_b[d], drawn_a[d]) for d in real.domains]
+    out = []
+    for name, *ends, least, before_draws, after_draws in gaps:
+        vb, va = (float(end[0]) for end in ends)
+        ci_a, ci_b = percentile_interval(after_draws, va), percentile_interval(before_draws, vb)
+        out.append(Metric(name, vb, va, least, ci_a, ci_b, "standard deviations"))
     return (*out, _auc(pairs, rng), _mmd(pairs, rng), *_accuracy(pairs, rng, more))
 
 
@@ -108,20 +111,12 @@ def accuracy_on_records(
     real: FeatureVectors,
     faults: Sequence[str],
     rng: np.random.Generator,
-    more: tuple[FeatureVectors, Sequence[str]] | None = None,
+    more: TrainingSet | None = None,
 ) -> NDArray[np.bool_]:
     """[records] Whether a classifier trained on simulated records alone names each real record's fault.
 
-    Parameters
-    ----------
-    sims : sequence of FeatureVectors [replicates]
-        Record i of each is simulated under fault i of `faults`.
-    real : FeatureVectors
-    faults : sequence of str [records]
-        Used to label the simulated records, and to score the real ones.
-    rng : numpy.random.Generator
-    more : (FeatureVectors, sequence of str), optional
-        Further simulated records to train on, and their faults.
+    `faults` [records] label the records of `sims` [replicates] and score those of `real`; `more` are further simulated
+    records to train on.
     """
     x = np.concatenate([sim.matrix for sim in sims])
     y = np.tile(np.asarray(faults), len(sims))
@@ -162,7 +157,7 @@ def _auc(pairs: tuple[Paired, Paired], rng: np.random.Generator) -> Metric:
     # The same random numbers for both, so that equal twins have equal values.
     seed = int(rng.integers(2**63))
     (b, groups_b), (a, groups_a) = (auc_of_records(p, np.random.default_rng(seed)) for p in pairs)
-    floor = classifier_test(pairs[1], rng, draws=99).null_mean
+    _, floor = classifier_test(pairs[1], rng, draws=99)
     ci_a, ci_b = _mean_interval(a, groups_a, rng), _mean_interval(b, groups_b, rng)
     return Metric(_AUC, float(b.mean()), float(a.mean()), floor, ci_a, ci_b)
 
@@ -184,11 +179,11 @@ def _mmd(pairs: tuple[Paired, Paired], rng: np.random.Generator) -> Metric:
         means = (np.einsum("dk,kl,dl->d", weights, table, weights) - own) / np.maximum(off, 1e-12)
         values.append(float(means[0]))
         intervals.append(percentile_interval(means[1:][off[1:] > 0], values[-1]))
-    floor = mmd_test(pairs[1], rng, draws=99).null_mean
+    _, floor = mmd_test(pairs[1], rng, draws=99)
     return Metric(_MMD, values[0], values[1], floor, intervals[1], intervals[0])
 
 
-def _accuracy(pairs: tuple[Paired, Paired], rng: np.random.Generator, more: TrainingSets | None) -> Iterator[Metric]:
+def _accuracy(pairs: tuple[Paired, Paired], rng: np.random.Generator, more: TrainingSets) -> Iterator[Metric]:
     faults = [c.fault for c in pairs[0].conditions]
     known = [int(i) for i in np.sort(rng.permutation(len(faults))[:_MOST_EVALUATED]) if faults[i] is not None]
     of_each = Counter(str(faults[i]) for i in known)
@@ -198,12 +193,11 @@ def _accuracy(pairs: tuple[Paired, Paired], rng: np.random.Generator, more: Trai
     real = pairs[0].real.take(known)
     # The same random numbers for both, so that differences are not due to the trees.
     seed = int(rng.integers(2**63))
-    b, a = (
-        accuracy_on_records([s.take(known) for s in p.sims], real, labels, np.random.default_rng(seed), further).astype(
-            float
-        )
-        for p, further in zip(pairs, _NO_TRAINING_SETS if more is None else more, strict=True)
+    named = (
+        accuracy_on_records([s.take(known) for s in p.sims], real, labels, np.random.default_rng(seed), further)
+        for p, further in zip(pairs, more, strict=True)
     )
+    b, a = (right.astype(float) for right in named)
     among = accuracy_between_records(real, labels, groups, rng)
     ci_a, ci_b = _mean_interval(a, groups, rng), _mean_interval(b, groups, rng)
     name = "accuracy on the records of a classifier trained on the twin (higher is better)"
@@ -231,10 +225,3 @@ def _mean_interval(values: Array, groups: Sequence[str | None], rng: np.random.G
     sums, counts = (np.array([f(values[i]) for i in units], float) for f in (np.sum, np.size))
     weights = rng.multinomial(len(units), np.full(len(units), 1 / len(units)), _DRAWS)
     return percentile_interval((weights @ sums) / (weights @ counts), float(values.mean()))
-
-
-def _plain(metric: Metric) -> Metric:
-    return Metric(
-        metric.metric, float(metric.before), float(metric.after), metric.floor,
-        metric.ci_after, metric.ci_before, metric.unit,
-    )  # fmt: skip

@@ -3,23 +3,18 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
-from functools import partial
+from collections.abc import Mapping, Sequence
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from twingap.bearing import Bearing
 from twingap.gap.distance.domain_names import DomainName
 from twingap.gap.distance.domains import DOMAIN, PER_DECIBEL
 from twingap.gap.distance.feature_vectors import FeatureVectors
-from twingap.gap.distance.paired import Paired
+from twingap.gap.distance.stratification import strata
 from twingap.gap.report.model import Curve
-from twingap.records import Condition
-
-Array = NDArray[np.float64]
+from twingap.records import Array, Condition
 
 _FAULT_WORDS: Final[Mapping[str, str]] = {
     "healthy": "healthy", "outer": "outer race fault", "inner": "inner race fault", "ball": "ball fault",
@@ -28,60 +23,43 @@ _FAULT_WORDS: Final[Mapping[str, str]] = {
 
 
 def curves(
-    real: FeatureVectors,
-    before: Sequence[FeatureVectors],
-    after: Sequence[FeatureVectors] | None = None,
+    real: FeatureVectors, before: Sequence[FeatureVectors], after: Sequence[FeatureVectors] = (),
     bearing: Bearing | None = None,
-) -> Mapping[str, Curve]:
-    """Curves of each domain: medians over records, with bands that contain 90 % of them.
+) -> Mapping[str, Curve]:  # fmt: skip
+    """Curves of each domain by name: medians over records, with bands that contain 90 % of them.
 
-    Parameters
-    ----------
-    real : FeatureVectors
-    before, after : sequence of FeatureVectors [replicates]
-        Simulated for the same conditions.
-    bearing : Bearing, optional
-        Its orders are marked on the envelope spectra, one for each fault that is known of two records or more.
-
-    Returns
-    -------
-    Mapping, name -> Curve
-        "spectrum", "lines", "envelope" (or "envelope-outer" and others, by fault), "order", "amplitude", "time", and
-        "condition" (RMS by fault or speed).
+    One for each `CurveStyle` of the domains, that of the envelope by fault ("envelope-outer"), and "condition" (RMS by
+    fault or speed). The bearing's orders are marked on the envelope spectra.
     """
-    pair = Paired(real, before)
+    conditions, sides = real.conditions, ([real], before, after)
     out = {}
     for name in real.domains:
         axis = real.axes[name]
         for style in DOMAIN[name].curves:
             chosen = np.flatnonzero(np.array(axis.kind) == style.kind)
             x = tuple(float(v) for v in (axis.lo[chosen] + axis.hi[chosen])[: chosen.size] / 2)
-            values = partial(_columns, domain=name, columns=chosen, factor=style.factor)
-            if style.name == "envelope" and (faults := _known_faults(pair.conditions)):
-                for fault in faults:
-                    sets = [_of_fault(v, pair.conditions, fault) for v in (real, *before, *(after or ()))]
-                    own, sims = sets[0], sets[1:]
-                    title = f"{style.title}, {_FAULT_WORDS.get(fault, fault)}"
-                    curve = _curve(
-                        x, axis.unit, style.y_unit, title, name, values, own, sims[: len(before)],
-                        sims[len(before) :] or None,
-                    )  # fmt: skip
-                    out[f"envelope-{fault}"] = replace(curve, marks=_marks(bearing, fault, float(axis.hi.max())))
-                continue
-            out[style.name] = _curve(x, axis.unit, style.y_unit, style.title, name, values, real, before, after)
+            for fault in (_known_faults(conditions) if style.name == "envelope" else ()) or ("",):
+                places = np.flatnonzero([fault in ("", c.fault) for c in conditions])
+                tables = [[v.values[name][np.ix_(places, chosen)] * style.factor for v in side] for side in sides]
+                key, title, marks = style.name, style.title, {}
+                if fault:
+                    key, title = f"{key}-{fault}", f"{title}, {_FAULT_WORDS.get(fault, fault)}"
+                    marks = _marks(bearing, fault, float(axis.hi.max()))
+                out[key] = _curve(x, axis.unit, style.y_unit, title, name, tables, marks)
     if "condition" in real.domains:
-        labels = tuple(_label([pair.conditions[i] for i in places]) for places in pair.strata)
+        parts = strata(conditions)
+        labels = tuple(_label([conditions[i] for i in places]) for places in parts)
 
         def by_stratum(v: FeatureVectors) -> Array:
             rms = v.values["condition"][:, 0] * 2 * PER_DECIBEL
-            longest = max(len(p) for p in pair.strata)
-            table = np.full((longest, len(pair.strata)), np.nan)
-            for k, places in enumerate(pair.strata):
+            table = np.full((max(map(len, parts)), len(parts)), np.nan)
+            for k, places in enumerate(parts):
                 table[: len(places), k] = rms[places]
             return table
 
-        title, unit = "Level by condition", "dB of healthy rms"
-        out["condition"] = _curve(labels, "condition", unit, title, "condition", by_stratum, real, before, after)
+        tables = [[by_stratum(v) for v in side] for side in sides]
+        unit = "dB of healthy rms"
+        out["condition"] = _curve(labels, "condition", unit, "Level by condition", "condition", tables, {})
     return out
 
 
@@ -91,10 +69,6 @@ def _known_faults(conditions: Sequence[Condition]) -> list[str]:
     known = [fault for fault, count in counts.items() if count > 1]
     order = [*_FAULT_WORDS, *known]
     return sorted(known, key=order.index)
-
-
-def _of_fault(vectors: FeatureVectors, conditions: Sequence[Condition], fault: str) -> FeatureVectors:
-    return vectors.take([i for i, c in enumerate(conditions) if c.fault == fault])
 
 
 def _marks(bearing: Bearing | None, fault: str, largest: float) -> dict[str, float]:
@@ -109,30 +83,20 @@ def _marks(bearing: Bearing | None, fault: str, largest: float) -> dict[str, flo
     return {words: float(order) for words, order in orders.items() if order <= largest}
 
 
-def _columns(vectors: FeatureVectors, domain: DomainName, columns: NDArray[np.int64], factor: float) -> Array:
-    return vectors.values[domain][:, columns] * factor
-
-
 def _curve(
-    x: tuple[float, ...] | tuple[str, ...],
-    x_unit: str,
-    y_unit: str,
-    title: str,
-    domain: DomainName,
-    values: Callable[[FeatureVectors], Array],
-    real: FeatureVectors,
-    before: Sequence[FeatureVectors],
-    after: Sequence[FeatureVectors] | None,
-) -> Curve:
-    sets = {"real": values(real), "before": np.concatenate([values(v) for v in before])}
-    if after is not None:
-        sets["after"] = np.concatenate([values(v) for v in after])
+    x: tuple[float, ...] | tuple[str, ...], x_unit: str, y_unit: str, title: str, domain: DomainName,
+    tables: Sequence[Sequence[Array]], marks: Mapping[str, float],
+) -> Curve:  # fmt: skip
+    """Curve from values [records, places] of the records, and of replicates before and after."""
     middle, bands = {}, {}
-    for name, v in sets.items():
-        quantile = np.nanquantile if np.isnan(v).any() else np.quantile  # many times as fast
-        low, middle[name], high = (tuple(row.tolist()) for row in quantile(v, (0.05, 0.5, 0.95), axis=0))
-        bands[name] = low, high
-    return Curve(x, x_unit, middle["real"], middle["before"], middle.get("after"), y_unit, title, domain, bands)
+    for name, own in zip(("real", "before", "after"), tables, strict=True):
+        if own:
+            v = np.concatenate(own)
+            quantile = np.nanquantile if np.isnan(v).any() else np.quantile  # many times as fast
+            low, middle[name], high = (tuple(row.tolist()) for row in quantile(v, (0.05, 0.5, 0.95), axis=0))
+            bands[name] = low, high
+    lines = middle["real"], middle["before"], middle.get("after")
+    return Curve(x, x_unit, *lines, y_unit, title, domain, bands, marks=marks)
 
 
 def _label(conditions: Sequence[Condition]) -> str:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Final, Literal, get_args
+from typing import Literal
 
 DomainName = Literal["frequency", "envelope_order", "order", "amplitude", "time", "condition"]
-DOMAIN_NAMES: Final[tuple[DomainName, ...]] = get_args(DomainName)

@@ -3,9 +3,9 @@
 record --frequency, envelope_order, order, amplitude, time, condition--> one vector each, on the bins of a Grid
 
 All values are logarithms of dimensionless quantities, so that differences between records and twin add up. To add a
-domain, add its name to `domain_names` and to the schema of gap.json, and an object to `DOMAINS`; bins that depend on
-the records are fields of `grid.Grid`. Distances, tests, localisation, figures and advice read domains from here.
-Distances are features too (`features.distances`): what was learnt depends on them, so train again.
+domain, add its name to `domain_names` and to `report/gap_report.schema.json`, and an object to `DOMAINS`, last in each;
+bins that depend on the records are fields of `grid.Grid`. Distances, tests, localisation, figures and advice read
+domains from here. Distances are features too (`features.distances`): run `twingap train` again for these to be used.
 """
 
 from __future__ import annotations
@@ -21,10 +21,9 @@ from numpy.typing import NDArray
 from twingap.effects import measurements
 from twingap.gap.distance.domain_names import DomainName
 from twingap.gap.distance.grid import SEGMENTS, Axis, Grid
+from twingap.records import Array
 from twingap.signal.order_statistics import order_statistics
 from twingap.signal.record_transforms import RecordTransforms, between_blocks, medians
-
-Array = NDArray[np.float64]
 
 PER_DECIBEL: Final = 10 / np.log(10)
 """Decibels of a natural logarithm of power."""
@@ -36,17 +35,9 @@ _TINY: Final = 1e-300
 
 @dataclass(frozen=True)
 class CurveStyle:
-    """Style of a curve: one kind of a domain's bins over its axis.
+    """A curve of a report: one kind of a domain's bins (as in `Axis.kind`) over its axis.
 
-    Parameters
-    ----------
-    name : str
-        Of the curve in a report.
-    kind : str
-        Of the bins, as in `Axis.kind`.
-    title, y_unit : str
-    factor : float
-        From the vector's natural logarithms to `y_unit`.
+    `factor` leads from the vector's natural logarithms to `y_unit`.
     """
 
     name: str
@@ -58,31 +49,16 @@ class CurveStyle:
 
 @dataclass(frozen=True)
 class Domain:
-    """A domain in which a gap is measured.
-
-    Parameters
-    ----------
-    name : str
-    axis : callable
-        Grid -> bins.
-    vector : callable
-        Record, grid -> Array [bins].
-    label, short_label, phrase : str
-        Names for tables, for figures, and within a sentence ("lies in ...").
-    advice : str
-        Advice for a gap that lies here and that no effect explains, with a deciding measurement.
-    curves : tuple of CurveStyle
-        Curves of the domain in a report.
-    """
+    """A domain in which a gap is measured."""
 
     name: DomainName
-    axis: Callable[[Grid], Axis]
-    vector: Callable[[RecordTransforms, Grid], Array]
-    label: str
-    short_label: str
-    phrase: str
-    advice: str
-    curves: tuple[CurveStyle, ...] = ()
+    axis: Callable[[Grid], Axis]  # its bins
+    vector: Callable[[RecordTransforms, Grid], Array]  # [bins] of a record
+    label: str  # in tables
+    short_label: str  # in figures
+    phrase: str  # within a sentence: "lies in ..."
+    advice: str  # for a gap that lies here and that no effect explains, with a deciding measurement
+    curves: tuple[CurveStyle, ...] = ()  # curves of the domain in a report
 
 
 def _bins(unit: str, **edges: Sequence[float] | Array) -> Axis:
@@ -90,13 +66,6 @@ def _bins(unit: str, **edges: Sequence[float] | Array) -> Axis:
     hi = np.concatenate([np.asarray(e, float)[1:] for e in edges.values()])
     kind = [name for name, e in edges.items() for _ in range(len(e) - 1)]
     return Axis(lo, hi, tuple(kind), unit)
-
-
-# ----------------------------------------------------------------------------------------------------------- frequency
-
-
-def _frequency_axis(grid: Grid) -> Axis:
-    return _bins("Hz", level=grid.levels_hz, lines=grid.lines_hz)
 
 
 def _frequency(record: RecordTransforms, grid: Grid) -> Array:
@@ -108,23 +77,9 @@ def _frequency(record: RecordTransforms, grid: Grid) -> Array:
     return np.concatenate((np.log(level + 1e-10), lines))
 
 
-# ---------------------------------------------------------------------------------------------------------------- order
-
-
-def _order_axis(grid: Grid) -> Axis:
-    return _bins("shaft orders", lines=grid.orders)
-
-
 def _order(record: RecordTransforms, grid: Grid) -> Array:
     """Log excess of the largest line near each shaft order."""
     return _largest(_raw_excess(record), record.df_hz, grid, "orders", record.shaft_hz)
-
-
-# ------------------------------------------------------------------------------------------------------- envelope order
-
-
-def _envelope_order_axis(grid: Grid) -> Axis:
-    return _bins("shaft orders", lines=grid.envelope_orders, floor=grid.envelope_floor)
 
 
 def _envelope_order(record: RecordTransforms, grid: Grid) -> Array:
@@ -139,9 +94,6 @@ def _envelope_order(record: RecordTransforms, grid: Grid) -> Array:
     places = np.clip(((broad[1:] + broad[:-1]) / 2 / df_orders).astype(int), 0, cut.size - 1)
     # The floor falls with the length of the record; its density per order does not.
     return np.concatenate((lines, np.log(floor[places] / df_orders)))
-
-
-# ------------------------------------------------------------------------------------------------------------ amplitude
 
 
 def _amplitude_axis(grid: Grid) -> Axis:
@@ -170,9 +122,6 @@ def _amplitude(record: RecordTransforms, grid: Grid) -> Array:
     return np.concatenate((shape, asymmetry, rest))
 
 
-# ----------------------------------------------------------------------------------------------------------------- time
-
-
 def _time_axis(grid: Grid) -> Axis:
     parts = np.linspace(0, grid.duration_s, SEGMENTS + 1)
     return _bins("s", level=parts, kurtosis=parts, unevenness=[0.0, grid.duration_s], peak=[0.0, grid.duration_s])
@@ -188,13 +137,6 @@ def _time(record: RecordTransforms, grid: Grid) -> Array:
     level = 0.5 * np.log(power / max(record.mean_square, _TINY) + 1e-4)
     kurtosis = np.log((fourth + _TINY) / (power**2 + 1e-8 * record.mean_square**2 + _TINY) + 0.1)
     return np.concatenate((level, kurtosis, (np.log(level.std() + 0.01), kurtosis.max())))
-
-
-# ------------------------------------------------------------------------------------------------------------ condition
-
-
-def _condition_axis(grid: Grid) -> Axis:
-    return _bins("", level=[0.0, 1.0], kurtosis=[0.0, 1.0], band=[0.0, 1.0], lines=[0.0, 1.0])
 
 
 def _condition(record: RecordTransforms, grid: Grid) -> Array:
@@ -213,9 +155,6 @@ def _condition(record: RecordTransforms, grid: Grid) -> Array:
             np.log(max(1 - smooth / max(power, _TINY), 0.0) + 0.1),
         ]
     )
-
-
-# -------------------------------------------------------------------------------------------------------------- helpers
 
 
 def _raw_excess(record: RecordTransforms) -> Array:
@@ -266,7 +205,7 @@ def _level_bins(grid: Grid, fs_hz: float, size: int) -> tuple[NDArray[np.int64],
 DOMAINS: Final = (
     Domain(
         name="frequency",
-        axis=_frequency_axis,
+        axis=lambda grid: _bins("Hz", level=grid.levels_hz, lines=grid.lines_hz),
         vector=_frequency,
         label="spectrum",
         short_label="spectrum",
@@ -280,7 +219,7 @@ DOMAINS: Final = (
     ),
     Domain(
         name="envelope_order",
-        axis=_envelope_order_axis,
+        axis=lambda grid: _bins("shaft orders", lines=grid.envelope_orders, floor=grid.envelope_floor),
         vector=_envelope_order,
         label="envelope spectrum",
         short_label="envelope",
@@ -291,7 +230,7 @@ DOMAINS: Final = (
     ),
     Domain(
         name="order",
-        axis=_order_axis,
+        axis=lambda grid: _bins("shaft orders", lines=grid.orders),
         vector=_order,
         label="order spectrum",
         short_label="orders",
@@ -323,7 +262,7 @@ DOMAINS: Final = (
     ),
     Domain(
         name="condition",
-        axis=_condition_axis,
+        axis=lambda grid: _bins("", level=[0.0, 1.0], kurtosis=[0.0, 1.0], band=[0.0, 1.0], lines=[0.0, 1.0]),
         vector=_condition,
         label="operating condition",
         short_label="condition",

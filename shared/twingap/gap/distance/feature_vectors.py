@@ -18,26 +18,17 @@ from twingap.errors import TwingapError
 from twingap.gap.distance.domain_names import DomainName
 from twingap.gap.distance.domains import DOMAINS
 from twingap.gap.distance.grid import Axis, Grid, require_length
-from twingap.records import Condition
+from twingap.records import Array, Condition
 from twingap.signal.record_transforms import RecordTransforms
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class FeatureVectors:
-    """Feature vectors of a set of records.
+    """Feature vectors of a set of records."""
 
-    Parameters
-    ----------
-    values : Mapping, domain -> Array [records, bins]
-    axes : Mapping, domain -> Axis
-    conditions : tuple of Condition [records]
-    """
-
-    values: Mapping[DomainName, Array]
+    values: Mapping[DomainName, Array]  # domain -> [records, bins]
     axes: Mapping[DomainName, Axis]
-    conditions: tuple[Condition, ...]
+    conditions: tuple[Condition, ...]  # [records]
 
     def __len__(self) -> int:
         return len(self.conditions)
@@ -76,11 +67,7 @@ class FeatureVectors:
 def measure_vectors(records: Iterable[RecordTransforms], grid: Grid) -> FeatureVectors:
     """Measure records one after the other; a generator's records need not be in memory together.
 
-    Parameters
-    ----------
-    records : iterable of RecordTransforms
-    grid : Grid
-        The same for all sets that are to be compared.
+    `grid` is the same for all sets that are to be compared.
 
     Raises
     ------

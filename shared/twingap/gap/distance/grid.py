@@ -11,13 +11,10 @@ from functools import cached_property
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from twingap.bearing import Bearing
 from twingap.errors import TwingapError
-from twingap.records import Condition
-
-Array = NDArray[np.float64]
+from twingap.records import Array, Condition
 
 FEWEST_SAMPLES: Final = 64
 """Smallest number of samples of a record. Fewer give no usable spectrum."""
@@ -29,19 +26,11 @@ _LEVELS: Final = 40
 
 @dataclass(frozen=True)
 class Axis:
-    """Bins of one domain.
+    """Bins of one domain."""
 
-    Parameters
-    ----------
-    lo, hi : Array [bins]
-        Bounds of each, in `unit`.
-    kind : tuple of str [bins]
-        Quantity of each bin ("level", "lines", ...); bins of one kind are in ascending order.
-    unit : str
-    """
-
-    lo: Array
+    lo: Array  # [bins] bounds of each, in `unit`
     hi: Array
+    # [bins] Quantity of each bin ("level", "lines", ...); bins of one kind are in ascending order.
     kind: tuple[str, ...]
     unit: str
 
@@ -62,9 +51,8 @@ class Grid:
     ----------
     top_hz : float
         Half the smallest sampling rate.
-    top_order : float
-        Highest shaft order below half the sampling rate of every record.
-    top_envelope_order : float
+    top_order, top_envelope_order : float
+        Highest shaft order below half the sampling rate of every record, and highest order of envelope spectra.
     duration_s : float
         Median duration of the records, s; the axis of the domain "time".
 

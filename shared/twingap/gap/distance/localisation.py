@@ -22,12 +22,11 @@ from scipy.stats import norm
 
 from twingap.gap.distance.domain_names import DomainName
 from twingap.gap.distance.paired import Paired
-from twingap.gap.distance.stratification import varies
+from twingap.gap.distance.stratification import NUMBERS, known_values, varies
 from twingap.gap.distance.two_sample_tests import Choice, exchanges
 from twingap.gap.report.model import Change, Place, Sign
-from twingap.records import Condition
+from twingap.records import Array, Condition
 
-Array = NDArray[np.float64]
 Single = NDArray[np.float32]
 
 ALPHA: Final = 0.05
@@ -45,45 +44,24 @@ _SAME: Final = 0.75
 """Ratio of what is left of a place to what was there, above which it is called the same, and below its inverse too."""
 _LEAST_SHARE: Final = 0.01
 """Least share of the gap that is shown. A smaller value shows more places."""
-_NUMBERS: Final = ("speed_rpm", "load_n", "time_s")
 
 
 @dataclass(frozen=True)
 class Located:
-    """Where a gap lies.
+    """Where a gap lies."""
 
-    Parameters
-    ----------
-    places : tuple of Place
-        Significant places at the family-wise level, the largest share first.
-    remainder : float
-        Part of the gap that lies in no significant place, 0 to 1; places and remainder add up to 1.
-    p_value : float
-        P-value of no difference anywhere: the smallest adjusted one.
-    """
-
+    # Significant at the family-wise level, the largest share first. What shares leave of 1 lies in no such place.
     places: tuple[Place, ...]
-    remainder: float
-    p_value: float
+    p_value: float  # p-value of no difference anywhere: the smallest adjusted one
 
 
 def locate(pair: Paired, rng: np.random.Generator, draws: int = 999) -> Located:
     """Find the places in which records and twin differ.
 
-    Parameters
-    ----------
-    pair : Paired
-        Records and replicates, of any number of either; with m replicates of n records no p-value is below about
-        (m + 1)^-n, nor below 1 / (1 + draws).
-    rng : numpy.random.Generator
-    draws : int
-        Random exchanges of record and replicates.
-
-    Returns
-    -------
-    Located
-        A place names its `condition` where it was found for some faults only. Places of the domain "condition" name
-        the conditions at which the gap in level, impulsiveness, band power or lines is larger.
+    With m replicates of n records no p-value is below about (m + 1)^-n, nor below 1 / (1 + draws) with this number of
+    random exchanges of record and replicates. A place names its `condition` where it was found for some faults only.
+    Places of the domain "condition" name the conditions at which the gap in level, impulsiveness, band power or lines
+    is larger.
     """
     choices = exchanges(pair.n, pair.m, draws, rng)
     deviations = _standardised(pair)
@@ -100,7 +78,7 @@ def locate(pair: Paired, rng: np.random.Generator, draws: int = 999) -> Located:
 
     family = np.concatenate((per_bin.reshape(len(choices), -1), scalars.reshape(len(choices), -1)), axis=1)
     if not family.shape[1]:
-        return Located((), 1.0, 1.0)
+        return Located((), 1.0)
     p = adjusted(family)
     p_bins = np.ones((len(subsets), plain.size))
     p_bins[:, plain] = p[: per_bin[0].size].reshape(per_bin[0].shape)
@@ -113,7 +91,7 @@ def locate(pair: Paired, rng: np.random.Generator, draws: int = 999) -> Located:
     total = max(float(part.sum()), sum(place.share for place in places), 1e-300)
     shared = tuple(replace(place, share=place.share / total) for place in places)
     ordered = tuple(sorted(shared, key=lambda place: (-place.share, place.p_value)))
-    return Located(ordered, max(1.0 - sum(place.share for place in ordered), 0.0), float(p.min()))
+    return Located(ordered, float(p.min()))
 
 
 def adjusted(statistics: Single) -> Array:
@@ -200,12 +178,9 @@ def _contrasts(conditions: Sequence[Condition], fewest: int) -> list[_Contrast]:
     for name in names if len(names) > 1 else []:
         inside = faults == name
         out.append(_Contrast("fault", np.where(inside, 1 / inside.sum(), -1 / (~inside).sum()), str(name)))
-    for variable in _NUMBERS:
-        given = [getattr(c, variable) for c in conditions]
-        if any(v is None for v in given):
-            continue
-        values = np.array(given, float)
-        if not varies(values):
+    for variable in NUMBERS:
+        values = known_values([[c] for c in conditions], variable)
+        if values is None or not varies(values):
             continue
         weights = values - values.mean()
         for name in names:
@@ -263,11 +238,7 @@ class _SignificantPlaces:
                 else:
                     place = self._place(domain, lo, hi, axis.unit, first + run)
                 key = (domain, place.lo, place.hi, str(place.condition))
-                if key in out:
-                    known = out[key]
-                    share, p_value = known.share + place.share, min(known.p_value, place.p_value)
-                    place = replace(place, share=share, p_value=p_value)
-                out[key] = place
+                out[key] = _joined(place, out[key]) if key in out else place
         return list(out.values())
 
     def _place(
@@ -349,10 +320,8 @@ def presentable(places: Iterable[Place]) -> tuple[Place, ...]:
     for place in sorted(places, key=lambda p: (p.lo is not None, p.lo)):
         for i, known in enumerate(merged):
             if _overlap(known, place) and (known.sign, known.condition) == (place.sign, place.condition):
-                merged[i] = replace(
-                    known, hi=_outer(known.hi, place.hi), share=known.share + place.share,
-                    p_value=min(known.p_value, place.p_value),
-                )  # fmt: skip
+                hi = None if known.hi is None or place.hi is None else max(known.hi, place.hi)
+                merged[i] = replace(_joined(known, place), hi=hi)
                 break
         else:
             merged.append(place)
@@ -360,16 +329,9 @@ def presentable(places: Iterable[Place]) -> tuple[Place, ...]:
 
 
 def followed(places: Sequence[Place], rest: Sequence[Place], before: Paired, after: Paired) -> tuple[Place, ...]:
-    """The places, each with what happened to it when effects were added to the twin.
+    """The places of the gap before, each with what happened to it when effects were added to the twin.
 
-    Parameters
-    ----------
-    places : sequence of Place
-        Of the gap before.
-    rest : sequence of Place
-        Of the gap after.
-    before, after : Paired
-        The comparisons that they were found in.
+    `rest` are the places of the gap after; `before` and `after` are the comparisons that they were found in.
     """
     parts = [pair.real.weight * pair.over_strata(pair.squares())[0] for pair in (before, after)]
     out = []
@@ -409,8 +371,9 @@ def _overlap(one: Place, other: Place) -> bool:
     return one.lo < other.hi and other.lo < one.hi
 
 
-def _outer(one: float | None, other: float | None) -> float | None:
-    return None if one is None or other is None else max(one, other)
+def _joined(place: Place, other: Place) -> Place:
+    """The place with the share and significance of both."""
+    return replace(place, share=place.share + other.share, p_value=min(place.p_value, other.p_value))
 
 
 def _runs(significant: NDArray[np.bool_], kinds: Sequence[str]) -> list[NDArray[np.int64]]:

@@ -1,4 +1,4 @@
-"""Distance between records and their simulated replicates, in each domain and overall, and its floor.
+"""Distance between records and their simulated replicates, in each domain and overall, and what chance leaves of it.
 
 FeatureVectors of records --+
                             +--Paired--> differences [records, bins] --strata, slopes--> squares per bin, unbiased
@@ -25,8 +25,8 @@ from twingap.errors import TwingapError
 from twingap.gap.distance.domain_names import DomainName
 from twingap.gap.distance.feature_vectors import FeatureVectors
 from twingap.gap.distance.stratification import detrended, independent_units, slopes, strata
+from twingap.records import Array
 
-Array = NDArray[np.float64]
 Places = NDArray[np.int64]
 
 _LARGEST_POOL: Final = 512
@@ -47,14 +47,8 @@ samples can make up all of the gap."""
 class Drawn(NamedTuple):
     """Counts of the draws of each residual of a pool for the units of a stratum.
 
-    Parameters
-    ----------
-    signed : Array [draws, pool]
-        Draws with positive sign less those with negative sign.
-    plain : Array [draws, pool]
-        All draws.
-    tilted : Array [slopes, draws, pool]
-        As `signed`, each draw times its unit's place on a slope.
+    `signed` [draws, pool] are those with positive sign less those with negative sign, `plain` all; `tilted` [slopes,
+    draws, pool] is as `signed`, each draw times its unit's place on a slope.
     """
 
     signed: Array
@@ -183,12 +177,7 @@ class Paired:
         """Unbiased squared gap of each bin in each stratum, standardised.
 
         In the domain "condition", the common part of all strata is removed: other domains show it, and it is not
-        specific to a condition.
-
-        Returns
-        -------
-        Array [1, strata, bins]
-            May be negative; zero on average where nothing differs.
+        specific to a condition. [1, strata, bins], zero on average where nothing differs.
         """
         return self._contrasted(self._squares, self._trend[1])
 
@@ -288,20 +277,12 @@ class Paired:
         return np.asarray(self.real.weight * np.minimum(1, _LARGE / np.maximum(squares, 1e-12)))
 
     def resampled(self, drawn: Sequence[Drawn]) -> Array:
-        """Bootstrap of the squares: their values for other records of the same machine.
+        """[draws, strata, bins] Bootstrap of the squares: their values for other records of the same machine.
 
         Each unit becomes its stratum's mean and trend plus a random residual of random sign, drawn from the residuals
-        of all strata, since a stratum has few units. The bias from the noise of means and slopes is removed.
-
-        Parameters
-        ----------
-        drawn : sequence of Drawn
-            From `draw_residuals`; one and the same for two comparisons of the same records, so that intervals of what
-            changed between them do not count the records' noise twice.
-
-        Returns
-        -------
-        Array [draws, strata, bins]
+        of all strata, since a stratum has few units. The bias from the noise of means and slopes is removed. `drawn`,
+        from `draw_residuals`, is one and the same for two comparisons of the same records, so that intervals of what
+        changed between them do not count the records' noise twice.
         """
         pool, parts = self._residuals, []
         steepness, trend = self._trend

@@ -12,38 +12,33 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from twingap.records import Condition
+from twingap.records import Array, Condition
 
-Array = NDArray[np.float64]
 Places = NDArray[np.int64]
 
+NUMBERS: Final = ("speed_rpm", "load_n", "time_s")
+"""Numbers of a condition over which a gap may vary, in the order in which they are tried."""
 _VARIES: Final = 0.05
 """Part of its mean by which speed, load or time must vary to get strata, a slope, or a contrast."""
+_MOST_INTERVALS: Final = 3
+"""Largest number of intervals of a fault's records. More show gaps of narrower ranges, with fewer records each."""
+_FEWEST: Final = 3
+"""Smallest number of records of an interval. A larger number gives fewer strata, with less noise each."""
 _FREE: Final = 5
 """Smallest number of degrees of freedom within strata per slope. With fewer, scatter is taken for a trend."""
 
 
-def strata(conditions: Sequence[Condition], fewest: int = 3, most: int = 3) -> tuple[Places, ...]:
-    """Strata: records by fault, then in up to `most` intervals of the first of speed, load and time that varies.
+def strata(conditions: Sequence[Condition]) -> tuple[Places, ...]:
+    """Strata: records by fault, then in intervals of the first of speed, load and time that varies.
 
-    Parameters
-    ----------
-    conditions : sequence of Condition [n]
-    fewest : int
-        Smallest number of records in an interval. Faults of a single record join the largest stratum.
-    most : int
-
-    Returns
-    -------
-    tuple of int arrays
-        Every place 0..n-1 once.
+    Every place in `conditions` is in one of them. Faults of a single record join the largest stratum.
     """
     faults, groups = [c.fault or "" for c in conditions], [c.group for c in conditions]
     parts: list[Places] = []
     for fault in dict.fromkeys(faults):
         own = np.array([i for i, f in enumerate(faults) if f == fault])
         values = _varying([conditions[i] for i in own])
-        count = min(most, max(len(own) // fewest, 1))
+        count = min(_MOST_INTERVALS, max(len(own) // _FEWEST, 1))
         if values is None or count == 1:
             parts.append(own)
             continue
@@ -55,7 +50,7 @@ def strata(conditions: Sequence[Condition], fewest: int = 3, most: int = 3) -> t
             first = int(np.searchsorted(at, at[part[0]]))
             while first > 0 and groups[order[first]] is not None and groups[order[first]] == groups[order[first - 1]]:
                 first -= 1
-            if first >= fewest and len(own) - first >= fewest and (not cut or first - cut[-1] >= fewest):
+            if min(first, len(own) - first, first - cut[-1] if cut else first) >= _FEWEST:
                 cut.append(first)
         parts.extend(np.split(order, cut))
     lonely = [p for p in parts if len(p) < 2]
@@ -71,14 +66,16 @@ def strata(conditions: Sequence[Condition], fewest: int = 3, most: int = 3) -> t
 
 def _varying(conditions: Sequence[Condition]) -> Array | None:
     """The first of speed, load and time that varies by at least 5 % of its mean size; None when none does."""
-    for name in ("speed_rpm", "load_n", "time_s"):
-        values = [getattr(c, name) for c in conditions]
-        if any(v is None for v in values):
-            continue
-        v = np.array(values, float)
-        if varies(v):
-            return v
-    return None
+    found = (known_values([[c] for c in conditions], name) for name in NUMBERS)
+    return next((values for values in found if values is not None and varies(values)), None)
+
+
+def known_values(units: Sequence[Sequence[Condition]], name: str) -> Array | None:
+    """[units] Means of a field of the records of each unit; None where it is unknown of any."""
+    values = [[getattr(c, name) for c in unit] for unit in units]
+    if any(v is None for unit in values for v in unit):
+        return None
+    return np.array([np.mean(unit) for unit in values], float)
 
 
 def varies(values: Array) -> bool:
@@ -87,28 +84,17 @@ def varies(values: Array) -> bool:
 
 
 def slopes(strata: Sequence[Sequence[Sequence[Condition]]]) -> tuple[Array, ...]:
-    """Places of units on common slopes of all strata over log speed, load and time.
+    """Per stratum [units, slopes]: places of units, given by their records, on common slopes of all strata.
 
-    Parameters
-    ----------
-    strata : sequence of sequence of sequence of Condition
-        Of the records of each unit.
-
-    Returns
-    -------
-    tuple of Array [units, slopes]
-        Centred in each stratum, orthonormal over all; one for each of speed, load and time (in this order)
-        that varies within strata, as far as there are `_FREE` degrees of freedom for each.
+    Centred in each stratum, orthonormal over all; one slope for each of log speed, load and time (in this order) that
+    varies within strata, as far as there are `_FREE` degrees of freedom for each.
     """
     counts = [len(units) for units in strata]
     most = (sum(counts) - len(counts)) // _FREE
     found: list[Array] = []
-    for name in ("speed_rpm", "load_n", "time_s"):
-        values = [_mean_of(unit, name) for units in strata for unit in units]
-        if len(found) == most or any(v is None for v in values):
-            continue
-        v = np.array(values, float)
-        if not varies(v):
+    for name in NUMBERS:
+        v = known_values([unit for units in strata for unit in units], name)
+        if len(found) == most or v is None or not varies(v):
             continue
         v = np.log(v) if name == "speed_rpm" else v / np.abs(v).max()
         own = np.concatenate([part - part.mean() for part in np.split(v, np.cumsum(counts)[:-1])])
@@ -121,11 +107,6 @@ def slopes(strata: Sequence[Sequence[Sequence[Condition]]]) -> tuple[Array, ...]
             found.append(own / left)
     table = np.array(found).reshape(len(found), sum(counts)).T
     return tuple(np.split(table, np.cumsum(counts)[:-1]))
-
-
-def _mean_of(unit: Sequence[Condition], name: str) -> float | None:
-    values = [getattr(c, name) for c in unit]
-    return None if any(v is None for v in values) else float(np.mean(values))
 
 
 def detrended(rows: Sequence[Array], tilts: Sequence[Array]) -> tuple[list[Array], Array]:

@@ -15,7 +15,6 @@ kernel two-sample test, JMLR 13 (2012) 723.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -23,9 +22,8 @@ from numpy.typing import NDArray
 
 from twingap.gap.distance.paired import Paired
 from twingap.gap.report.model import TwoSampleTest
-from twingap.records import Condition
+from twingap.records import Array, Condition
 
-Array = NDArray[np.float64]
 Choice = NDArray[np.int64]
 
 AUC_TEST: Final = "classifier two-sample test (AUC)"
@@ -40,50 +38,25 @@ _RIDGE: Final = 0.1
 """Ridge over the mean variance of the classifier's inputs. A larger one suppresses noise and small differences."""
 
 
-@dataclass(frozen=True)
-class TwoSample:
-    """Result of an overall test.
-
-    Parameters
-    ----------
-    statistic : float
-        AUC (0.5: indistinguishable), or MMD^2 (0 on average where nothing differs).
-    p_value : float
-    null_mean : float
-        Mean of the statistic under the null: its floor.
-    name : str
-    """
-
-    name: str
-    statistic: float
-    p_value: float
-    null_mean: float
-
-    @property
-    def test(self) -> TwoSampleTest:
-        """The test in the form of a report."""
-        return TwoSampleTest(self.name, self.statistic, self.p_value)
-
-
-def classifier_test(pair: Paired, rng: np.random.Generator, draws: int = 999) -> TwoSample:
+def classifier_test(pair: Paired, rng: np.random.Generator, draws: int = 999) -> tuple[TwoSampleTest, float]:
     """Classifier two-sample test: can a classifier distinguish held-out records from their replicates?
 
     The classifier is linear, by least squares with a ridge (Fisher's discriminant): its predictions are linear in the
     labels, so every permutation costs a matrix product instead of a training. It has weights for all records and more
-    for each fault. Bins are standardised by the spread between replicates; domains have equal weight.
+    for each fault. Bins are standardised by the spread between replicates; domains have equal weight. The statistic is
+    the mean over held-out records of the part of its replicates that score below it, 0.5 where nothing differs.
 
     Parameters
     ----------
     pair : Paired
         More than 200 records, or 500 records and replicates together, are thinned at random.
-    rng : numpy.random.Generator
     draws : int
         Random exchanges of record and replicates.
 
     Returns
     -------
-    TwoSample
-        Statistic: mean over held-out records of the part of its replicates that score below it.
+    TwoSampleTest, float
+        And the mean of the statistic under the null, its floor.
     """
     rows, kept = _rows(pair, rng)
     conditions = [pair.conditions[i] for i in kept]
@@ -100,11 +73,11 @@ def auc_of_records(pair: Paired, rng: np.random.Generator) -> tuple[Array, list[
     return _within_auc(_scores(rows, conditions, real, rng), real)[0], [c.group for c in conditions]
 
 
-def mmd_test(pair: Paired, rng: np.random.Generator, draws: int = 999) -> TwoSample:
+def mmd_test(pair: Paired, rng: np.random.Generator, draws: int = 999) -> tuple[TwoSampleTest, float]:
     """Maximum mean discrepancy, RBF kernel of median width, on feature vectors less their mean within each condition.
 
-    Arguments as `classifier_test`. The statistic leaves out the products of a record with itself and with its own
-    replicates, so that it is about 0 where nothing differs.
+    Arguments and results as `classifier_test`. The statistic leaves out the products of a record with itself and with
+    its own replicates, so that it is about 0 where nothing differs.
     """
     rows, _ = _rows(pair, rng)
     members, kernel = rows.shape[1], rbf(rows)
@@ -122,9 +95,9 @@ def mmd_kernel(pair: Paired, rng: np.random.Generator) -> tuple[Array, list[str 
     return h, [pair.conditions[i].group for i in kept]
 
 
-def two_sample_tests(pair: Paired, rng: np.random.Generator, draws: int = 999) -> tuple[TwoSample, ...]:
+def two_sample_tests(pair: Paired, rng: np.random.Generator, draws: int = 999) -> tuple[TwoSampleTest, ...]:
     """The classifier two-sample test and the MMD test."""
-    return classifier_test(pair, rng, draws), mmd_test(pair, rng, draws)
+    return classifier_test(pair, rng, draws)[0], mmd_test(pair, rng, draws)[0]
 
 
 def exchanges(n: int, m: int, draws: int, rng: np.random.Generator) -> Choice:
@@ -152,8 +125,7 @@ def rbf(rows: Array) -> Array:
 def mmd_statistics(kernel: Array, choices: Choice, members: int) -> Array:
     """[draws] MMD^2 for each choice of members as records."""
     draws, n = choices.shape
-    signs = np.full((draws, n, members), -1 / (members - 1))
-    np.put_along_axis(signs, choices[:, :, None], 1.0, axis=2)
+    signs = _labels(choices, members)
     flat = signs.reshape(draws, -1)
     total = np.einsum("dk,dk->d", flat @ kernel, flat)
     if n == 1:
@@ -161,6 +133,13 @@ def mmd_statistics(kernel: Array, choices: Choice, members: int) -> Array:
     blocks = kernel.reshape(n, members, n, members)[np.arange(n), :, np.arange(n), :]
     own = np.einsum("dna,nab,dnb->d", signs, blocks, signs)
     return np.asarray((total - own) / (n * (n - 1)))
+
+
+def _labels(choices: Choice, members: int) -> Array:
+    """[draws, records, members] 1 for the member that takes the record's place; all members of a record sum to 0."""
+    labels = np.full((*choices.shape, members), -1 / (members - 1))
+    np.put_along_axis(labels, choices[:, :, None], 1.0, axis=2)
+    return labels
 
 
 def _rows(pair: Paired, rng: np.random.Generator) -> tuple[Array, Choice]:
@@ -184,8 +163,7 @@ def _scores(rows: Array, conditions: Sequence[Condition], choices: Choice, rng: 
     """
     n, members, _ = rows.shape
     draws = len(choices)
-    labels = np.full((draws, n, members), -1 / (members - 1))
-    np.put_along_axis(labels, choices[:, :, None], 1.0, axis=2)
+    labels = _labels(choices, members)
     x = rows.reshape(n * members, -1)
     # Besides common weights, each fault has its own: a missing effect may have opposite signs.
     faults = np.repeat(np.array([c.fault or "" for c in conditions]), members)
@@ -221,6 +199,6 @@ def _folds(groups: Sequence[str | None], rng: np.random.Generator) -> Choice:
     return np.asarray([place[g] for g in groups], dtype=np.int64)
 
 
-def _tested(name: str, statistics: Array) -> TwoSample:
+def _tested(name: str, statistics: Array) -> tuple[TwoSampleTest, float]:
     null = statistics[1:] if statistics.size > 1 else statistics
-    return TwoSample(name, float(statistics[0]), p_value(statistics), float(null.mean()))
+    return TwoSampleTest(name, float(statistics[0]), p_value(statistics)), float(null.mean())

@@ -16,7 +16,6 @@ from collections.abc import Iterable, Iterator
 from functools import cache
 
 import numpy as np
-from numpy.typing import NDArray
 
 from twingap.gap.distance.feature_vectors import measure_vectors
 from twingap.gap.distance.grid import Grid
@@ -25,22 +24,15 @@ from twingap.gap.features.measured import Measured, Pair
 from twingap.gap.features.pooled import features as pooled
 from twingap.gap.features.spectrum.record_summary import RecordSummary, summarise
 from twingap.identification.speed import Speeds
-from twingap.records import Record
+from twingap.records import Array, Record
 from twingap.signal.record_transforms import Frame, RecordTransforms
-
-Array = NDArray[np.float64]
 
 
 def measure_records(records: Iterable[Record], frame: Frame, grid: Grid) -> Measured:
     """Measure all record features and feature vectors, one record in memory at a time.
 
-    Parameters
-    ----------
-    records : iterable of Record
-    frame : Frame
-        Bearing, band and amplitude scale.
-    grid : Grid
-        Bins of the feature vectors: the same for sets that are to be compared.
+    `frame` is bearing, band and amplitude scale, `grid` the bins of feature vectors; both are the same for sets that
+    are to be compared.
     """
     values: list[Array] = []
     summaries: list[RecordSummary] = []
@@ -72,7 +64,6 @@ def compare(pair: Pair, speeds: Speeds | None, of_pooled: Array, *, has_effects:
 
     Parameters
     ----------
-    pair : Pair
     speeds : Speeds or None
         Speed correction and cage slip from the calibration.
     of_pooled : Array

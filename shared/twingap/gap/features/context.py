@@ -8,14 +8,12 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from twingap.gap.features.group_statistics import extent
 from twingap.gap.features.measured import Pair
 from twingap.gap.features.registry import NAMES as RECORD_NAMES
 from twingap.identification.speed import Speeds
-
-Array = NDArray[np.float64]
+from twingap.records import Array
 
 NAMES: Final = (
     "records", "healthy_share", "log_samples", "log_turns", "speeds", "span_s",
@@ -31,18 +29,7 @@ larger value leaves more spins unknown."""
 
 
 def measure(pair: Pair, speeds: Speeds | None, statistics: Array, *, has_effects: bool) -> Array:
-    """[NAMES] Context of one comparison.
-
-    Parameters
-    ----------
-    pair : Pair
-    speeds : Speeds or None
-        From calibration.
-    statistics : Array
-        From `group_statistics.compare`.
-    has_effects : bool
-        Whether the given twin has effects, of which the machine may have a variant.
-    """
+    """[NAMES] Context of one comparison; arguments as `comparison.compare`, statistics of `group_statistics`."""
     return np.concatenate((_conditions(pair, speeds, has_effects), _slip(pair), extent(statistics)))
 
 

@@ -12,12 +12,12 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from twingap.gap.features.measured import Measured, Pair
+from twingap.gap.features.measured import Pair
 from twingap.gap.features.pooled.trends import about_means, covariates, normal_deviate, slope
 from twingap.gap.features.registry import NAMES, OF_IMPACTS
+from twingap.records import Array
 from twingap.signal.record_transforms import known_medians
 
-Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 GROUPS: Final = {True: ("all", "outer", "inner", "ball"), False: ("all", "healthy", "faulty")}
@@ -87,7 +87,7 @@ def _by_group(pair: Pair) -> list[Array]:
 
 
 def paired_z(differences: Array, kinds: NDArray[np.str_], small: Array, otherwise: Array) -> Array:
-    """Normal deviates of the mean difference between records and simulated ones of the same conditions.
+    """[features] Normal deviates of the mean difference between records and simulated ones of the same conditions.
 
     The influence of speed and fault is in both records of a pair and does not increase the error.
 
@@ -100,10 +100,6 @@ def paired_z(differences: Array, kinds: NDArray[np.str_], small: Array, otherwis
         Standard deviation that is added in squares, so that z stays finite without spread.
     otherwise : Array [features]
         Values for features with too few known pairs.
-
-    Returns
-    -------
-    Array [features]
     """
     known = np.isfinite(differences)
     count = known.sum(axis=0)
@@ -126,11 +122,9 @@ def _in_group(faults: NDArray[np.str_], group: str) -> Mask:
 
 def _spread(pair: Pair) -> Array:
     """[features] Log ratio of the spread between records of one fault."""
-    return np.asarray(_log_spread(pair.real) - _log_spread(pair.simulated))
-
-
-def _log_spread(side: Measured) -> Array:
-    return np.asarray(np.log(np.nanstd(about_means(side.values, side.faults()), axis=0) + 1e-3))
+    rests = [about_means(side.values, side.faults()) for side in (pair.real, pair.simulated)]
+    real, simulated = (np.log(np.nanstd(rest, axis=0) + 1e-3) for rest in rests)
+    return np.asarray(real - simulated)
 
 
 def _trends(pair: Pair) -> list[Array]:

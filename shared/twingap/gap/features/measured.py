@@ -13,28 +13,16 @@ from twingap.gap.distance.feature_vectors import FeatureVectors
 from twingap.gap.features.pooled.features import PooledRecords
 from twingap.gap.features.spectrum import path
 from twingap.gap.features.spectrum.record_summary import RecordSummary
-from twingap.records import Condition
-
-Array = NDArray[np.float64]
+from twingap.records import Array, Condition
 
 
 @dataclass(frozen=True)
 class Measured:
-    """A set of records, measured.
+    """A set of records, measured."""
 
-    Parameters
-    ----------
-    values : Array [records, features]
-        In the order of `registry.NAMES`; NaN where a feature does not apply.
-    summaries : tuple of RecordSummary [records]
-        Summaries for measurements over several records.
-    vectors : FeatureVectors [records]
-        Feature vectors for distances.
-    """
-
-    values: Array
-    summaries: tuple[RecordSummary, ...]
-    vectors: FeatureVectors
+    values: Array  # [records, features] in the order of `registry.NAMES`; NaN where a feature does not apply
+    summaries: tuple[RecordSummary, ...]  # [records] summaries for measurements over several records
+    vectors: FeatureVectors  # [records] feature vectors for distances
 
     @property
     def conditions(self) -> tuple[Condition, ...]:
@@ -64,15 +52,10 @@ class Measured:
 
 @dataclass(frozen=True)
 class Pair:
-    """Measured records and simulated ones.
+    """Measured records and simulated ones; of the same conditions in the same order, they compare record by record.
 
-    Parameters
-    ----------
-    real, simulated : Measured
-        Where both have the same conditions in the same order, features compare record by record.
-    external : bool
-        Whether the simulated records are from the user's simulator of this machine. The response is then sampled in
-        the same way on both sides, and no parameter was fitted.
+    `external` is whether the simulated records are from the user's simulator of this machine. The response is then
+    sampled in the same way on both sides, and no parameter was fitted.
     """
 
     real: Measured

@@ -9,7 +9,7 @@ How to add a feature:
 
 1. A number of one record: add its name to `NAMES` of the module that measures its kind and fill it in `measure`. A new
    kind gets a module of its own with `NAMES` and `measure(record) -> {name: value}`, and a line in `RECORD_FEATURES`.
-   `group_statistics` makes the differences, z values, spreads and trends from it.
+   `group_statistics` makes the differences, z values, spreads and trends from it; nothing else is needed.
 2. A number of two sets of records (a ratio of mean spectra, say): write a module with `NAMES` and
    `compare(...) -> {name: value}`, and add a line to `SET_FEATURES`.
 3. NaN means "does not apply" or "not known"; values are dimensionless, best as logarithms, so that differences between
@@ -36,45 +36,25 @@ from twingap.gap.features.measured import Pair
 from twingap.gap.features.spectrum import change, difference, path
 from twingap.gap.features.spectrum import features as spectrum
 from twingap.gap.features.tones import features as tones
+from twingap.records import Array
 from twingap.signal.record_transforms import RecordTransforms
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class RecordFeatures:
-    """Features of one record that one module measures.
+    """Features of one record that one module measures."""
 
-    Parameters
-    ----------
-    prefix : str
-        A feature is called "prefix.name".
-    names : tuple of str
-    measure : callable
-        Record -> name -> value, NaN where it does not apply.
-    of_impacts : bool
-        Whether they are measured on the impacts of a defect. Means are then over records of each fault, otherwise
-        over healthy and faulty records.
-    """
-
-    prefix: str
+    prefix: str  # a feature is called "prefix.name"
     names: tuple[str, ...]
-    measure: Callable[[RecordTransforms], Mapping[str, float]]
+    measure: Callable[[RecordTransforms], Mapping[str, float]]  # record -> name -> value, NaN where it does not apply
+    # Whether they are measured on the impacts of a defect. Means are then over records of each fault, otherwise over
+    # healthy and faulty records.
     of_impacts: bool = False
 
 
 @dataclass(frozen=True)
 class SetFeatures:
-    """Features of two sets of records, measured and simulated.
-
-    Parameters
-    ----------
-    prefix : str
-        A feature is called "prefix|name".
-    names : tuple of str
-    compare : callable
-        Pair of sets -> name -> value, NaN where it is not known.
-    """
+    """Features of a pair of sets, measured and simulated: named "prefix|name", NaN where one is not known."""
 
     prefix: str
     names: tuple[str, ...]
@@ -90,25 +70,12 @@ RECORD_FEATURES: Final = (
 )
 """In the order of `NAMES`."""
 
-
-def _shape(pair: Pair) -> Mapping[str, float]:
-    return difference.compare(pair.real.summaries, pair.simulated.summaries)
+_PATH_NAMES: Final = (*path.NAMES, *(f"{name}.diff" for name in path.NAMES))
 
 
 def _impulse_response(pair: Pair) -> Mapping[str, float]:
     real, simulated = pair.real.pooled, pair.simulated.pooled
     return impulse_response.compare(real.impact_spectra, simulated.impact_spectra, real.noise - simulated.noise)
-
-
-def _change(pair: Pair) -> Mapping[str, float]:
-    return change.compare(pair.real.summaries, pair.simulated.summaries, same_sampling=pair.external)
-
-
-def _distances(pair: Pair) -> Mapping[str, float]:
-    return distances.compare(pair.real.vectors, pair.simulated.vectors)
-
-
-_PATH_NAMES: Final = (*path.NAMES, *(f"{name}.diff" for name in path.NAMES))
 
 
 def _path(pair: Pair) -> Mapping[str, float]:
@@ -117,10 +84,10 @@ def _path(pair: Pair) -> Mapping[str, float]:
 
 
 SET_FEATURES: Final = (
-    SetFeatures("shape", difference.NAMES, _shape),
+    SetFeatures("shape", difference.NAMES, lambda p: difference.compare(p.real.summaries, p.simulated.summaries)),
     SetFeatures("impulse_response", impulse_response.COMPARED, _impulse_response),
-    SetFeatures("change", change.NAMES, _change),
-    SetFeatures("distance", distances.NAMES, _distances),
+    SetFeatures("change", change.NAMES, lambda p: change.compare(p.real.summaries, p.simulated.summaries, p.external)),
+    SetFeatures("distance", distances.NAMES, lambda p: distances.compare(p.real.vectors, p.simulated.vectors)),
     SetFeatures("path", _PATH_NAMES, _path),
 )
 """In the order of the feature vector, behind the statistics of record features."""

@@ -18,7 +18,8 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from twingap.records import Array
+
 Mask = NDArray[np.bool_]
 
 LEAST: Final = 0.35
@@ -35,23 +36,12 @@ _CONTEXT: Final = (
 
 @dataclass(frozen=True)
 class Detectability:
-    """Detection probability of each effect, from its values, the records and the other missing effects.
-
-    Parameters
-    ----------
-    effects : tuple of str
-    places : Mapping[str, Array]
-        Columns of each effect's values.
-    context : Array [columns]
-        Columns of the features that describe the records.
-    forests : Mapping[str, RandomForestRegressor]
-        Regression of the detection probability; none for an effect with too few machines.
-    """
+    """Detection probability of each effect, from its values, the records and the other missing effects."""
 
     effects: tuple[str, ...]
-    places: Mapping[str, NDArray[np.int64]]
-    context: NDArray[np.int64]
-    forests: Mapping[str, Any]
+    places: Mapping[str, NDArray[np.int64]]  # columns of each effect's values
+    context: NDArray[np.int64]  # [columns] columns of the features that describe the records
+    forests: Mapping[str, Any]  # regression of the detection probability; none for an effect with too few machines
 
     def hidden(self, missing: Mask, values: Array, features: NDArray[Any]) -> Mask:
         """[examples, effects] Whether an effect is missing and undetectable.
@@ -82,15 +72,9 @@ def learn_detectability(
     ----------
     log_odds : Mapping[str, Array]
         Log odds [examples] of each effect, by detectors not trained on the machine.
-    missing : Mask [examples, effects]
-    values : Array [examples, parameters]
-    features : Array [examples, features]
+    missing, values, features : Array [examples, columns]
     effects, parameters, names : sequence
-        Names of the columns of `missing`, `values` and `features`.
-
-    Returns
-    -------
-    Detectability, Mask [examples, effects]
+        Names of their columns.
     """
     from sklearn.ensemble import RandomForestRegressor
 

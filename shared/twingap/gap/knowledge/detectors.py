@@ -13,9 +13,9 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from twingap.records import Array
 from twingap.trees import Trees
 
-Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 FOLDS: Final = 5
@@ -33,24 +33,14 @@ _FEWEST: Final = 25
 
 @dataclass
 class Ensemble:
-    """One model per fold over selected features, with their out-of-fold predictions.
+    """One model per fold over selected features, with their out-of-fold predictions."""
 
-    Parameters
-    ----------
-    columns : Array [columns]
-        Selected features.
-    models : list of Trees
-    line, line_later : (float, float)
-        Slope and offset of the calibration, for a twin as given and for one to which effects have been added.
-    out_of_fold : Array [examples]
-        Out-of-fold predictions.
-    """
-
-    columns: NDArray[np.int64]
+    columns: NDArray[np.int64]  # [columns] selected features
     models: list[Trees]
+    # Slope and offset of the calibration, for a twin as given and for one to which effects have been added.
     line: tuple[float, float] = (1.0, 0.0)
     line_later: tuple[float, float] = (1.0, 0.0)
-    out_of_fold: Array = field(default_factory=lambda: np.empty(0))
+    out_of_fold: Array = field(default_factory=lambda: np.empty(0))  # [examples] out-of-fold predictions
 
     def score(self, features: NDArray[Any], *, later: bool = False) -> Array:
         """[examples] Log odds of a classifier, or value of a regressor, from features [examples, features].
@@ -64,16 +54,7 @@ class Ensemble:
 
 @dataclass(frozen=True)
 class Anchor:
-    """Linear function of one feature.
-
-    Parameters
-    ----------
-    column : int
-    logarithmic : bool
-        Whether it is linear in the feature's logarithm.
-    line : (float, float)
-        Slope and offset.
-    """
+    """Linear function of one feature, or of its logarithm; `line` is slope and offset."""
 
     column: int
     logarithmic: bool
@@ -88,31 +69,16 @@ class Anchor:
 
 @dataclass
 class Estimator:
-    """Estimator of a parameter: a linear function of the best feature, plus trees where they reduce the error.
+    """Estimator of a parameter: a linear function of the best feature, plus trees where they reduce the error."""
 
-    Parameters
-    ----------
-    anchors : tuple of Anchor
-        Linear functions in order of preference; the first with a known feature is used.
-    default : float
-        Value where none of these features is known.
-    residual : Ensemble or None
-        Trees for the residual; None where they do not reduce the out-of-fold error.
-    error : float
-        Bound on nine of ten out-of-fold errors, on the scale of `parameter_scale`.
-    error_model : Ensemble or None
-        Trees for the logarithm of the absolute error, which depends on the machine: the number of teeth, for example,
-        is either exact or unknown.
-    error_factor : float
-        Factor on the error predicted by `error_model` that bounds nine of ten errors.
-    """
-
-    anchors: tuple[Anchor, ...]
-    default: float
-    residual: Ensemble | None
-    error: float
+    anchors: tuple[Anchor, ...]  # linear functions in order of preference; the first with a known feature is used
+    default: float  # value where none of these features is known
+    residual: Ensemble | None  # trees for the residual; None where they do not reduce the out-of-fold error
+    error: float  # bound on nine of ten out-of-fold errors, on the scale of `parameter_scale`
+    # Trees for the logarithm of the absolute error, which depends on the machine: the number of teeth, for example, is
+    # either exact or unknown.
     error_model: Ensemble | None = None
-    error_factor: float = 1.0
+    error_factor: float = 1.0  # factor on the error predicted by `error_model` that bounds nine of ten errors
 
     def estimate(self, features: NDArray[Any]) -> Array:
         """[examples] Comparable numbers, see `parameter_scale`."""
@@ -132,11 +98,6 @@ def _on_lines(features: NDArray[Any], anchors: Sequence[Anchor], middle: float) 
     for anchor in anchors:
         out = np.where(np.isfinite(out), out, anchor.read(features))
     return np.where(np.isfinite(out), out, middle)
-
-
-def folds(machine: NDArray[np.int64], count: int = FOLDS) -> NDArray[np.int64]:
-    """[examples] Fold of each example; a machine is in one fold only."""
-    return np.asarray(machine % count)
 
 
 class Table:
@@ -177,18 +138,13 @@ class Table:
 
 
 def learn_classifier(
-    table: Table,
-    label: Mask,
-    machine: NDArray[np.int64],
-    allowed: Sequence[int],
-    first: Mask | None = None,
+    table: Table, label: Mask, machine: NDArray[np.int64], allowed: Sequence[int], first: Mask | None = None,
     counted: Mask | None = None,
-) -> Ensemble | None:
+) -> Ensemble | None:  # fmt: skip
     """A detector with calibrated log odds, or None where there are too few examples of either class.
 
     Parameters
     ----------
-    table : Table
     label : Mask [examples]
     machine : Array [examples]
         Machine of each example; a machine is in one fold only.
@@ -207,7 +163,7 @@ def learn_classifier(
     own_columns = table.take(counted).informative(label[counted].astype(float), allowed)
     if own_columns.size == 0:
         return None
-    own, fold = table.values[:, own_columns], folds(machine)
+    own, fold = table.values[:, own_columns], machine % FOLDS
     out_of_fold, models = np.zeros(len(label)), []
     for k in range(FOLDS):
         inside, outside = counted & (fold != k), fold == k
@@ -229,15 +185,7 @@ def learn_classifier(
 def learn_estimator(table: Table, value: Array, machine: NDArray[np.int64], allowed: Sequence[int]) -> Estimator | None:
     """Estimator of a parameter from features; None where there are too few examples.
 
-    Parameters
-    ----------
-    table : Table
-    value : Array [examples]
-        Comparable numbers; NaN where the effect is absent.
-    machine : Array [examples]
-        Machine of each example; a machine is in one fold only.
-    allowed : sequence of int
-        Columns that may be used.
+    `value` [examples] are comparable numbers, NaN where the effect is absent; others as for `learn_classifier`.
     """
     known = np.isfinite(value)
     if known.sum() < _FEWEST or np.ptp(value[known]) == 0:
@@ -249,7 +197,7 @@ def learn_estimator(table: Table, value: Array, machine: NDArray[np.int64], allo
     middle = float(np.median(value))
     anchors = _anchors(features, own_columns, value)
     residual = value - _on_lines(features, anchors, middle)
-    own, fold = features[:, own_columns], folds(machine)
+    own, fold = features[:, own_columns], machine % FOLDS
     models, out_of_fold = _regressed(
         own, residual, fold, loss="absolute_error", max_iter=100, max_leaf_nodes=10, min_samples_leaf=8,
         l2_regularization=1.0,

@@ -19,16 +19,14 @@ def columns(effect: str, features: tuple[str, ...]) -> tuple[int, ...]:
 
     `features` are names as in `comparison.feature_names`.
     """
-    kind = catalogue().get(effect)
-    return tuple(range(len(features))) if kind is None else _columns(kind, features)
+    return _columns(catalogue().get(effect), features)
 
 
 @cache
-def _columns(kind: type[Effect], features: tuple[str, ...]) -> tuple[int, ...]:
-    """Indices of the features that an effect may show in."""
-    if not kind.features:
+def _columns(kind: type[Effect] | None, features: tuple[str, ...]) -> tuple[int, ...]:
+    if kind is None or not kind.features:
         return tuple(range(len(features)))
-    return tuple(place for place, feature in enumerate(features) if _may_tell(kind, feature))
+    return tuple(i for i, feature in enumerate(features) if _may_tell(kind, feature))
 
 
 def _may_tell(kind: type[Effect], feature: str) -> bool:

@@ -10,7 +10,6 @@ from collections.abc import Iterator, Sequence
 from dataclasses import fields
 
 import numpy as np
-from numpy.typing import NDArray
 
 from twingap.effects import Effect, trainable
 from twingap.errors import TwingapError
@@ -21,20 +20,9 @@ from twingap.gap.search.evidence import Compared, Evidence, simulator_of
 from twingap.gap.search.parameter_scale import Setting, to_number, trained_coordinates, with_errors
 from twingap.identification.calibrate import calibrate
 
-Array = NDArray[np.float64]
-
 
 def examples(seed: int, machines: Sequence[int], most_records: int) -> Examples:
-    """Training examples of simulated machines.
-
-    Parameters
-    ----------
-    seed : int
-    machines : sequence of int
-        Numbers of the machines; a machine depends on the seed and its number only.
-    most_records : int
-        Largest number of records of a machine.
-    """
+    """Training examples of simulated machines, by number; a machine depends on the seed and its number only."""
     rows = [row for machine in machines for row in _examples_of(seed, machine, most_records)]
     return stacked([Examples(*[np.asarray([value]) for value in row]) for row in rows])
 
@@ -42,13 +30,9 @@ def examples(seed: int, machines: Sequence[int], most_records: int) -> Examples:
 def stacked(parts: Sequence[Examples]) -> Examples:
     """Concatenation of examples."""
     if not parts:
-        width, effects, values = len(feature_names()), len(trainable()), len(trained_coordinates())
-        nothing = np.zeros((0, width), np.float32)
-        none = np.zeros((0, effects), bool)
-        return Examples(
-            nothing, none, none, np.zeros(0, bool), np.zeros(0, np.int64), np.zeros(0, bool), np.zeros((0, values)),
-            nothing,
-        )  # fmt: skip
+        features, effects = np.zeros((0, len(feature_names())), np.float32), np.zeros((0, len(trainable())), bool)
+        flag, values = np.zeros(0, bool), np.zeros((0, len(trained_coordinates())))
+        return Examples(features, effects, effects, flag, np.zeros(0, np.int64), flag, values, features)
     return Examples(*[np.concatenate([getattr(part, field.name) for part in parts]) for field in fields(Examples)])
 
 

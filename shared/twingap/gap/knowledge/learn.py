@@ -20,42 +20,24 @@ from twingap.gap.knowledge.detectors import Ensemble, Estimator, Table, learn_cl
 from twingap.gap.knowledge.effect_features import columns
 from twingap.gap.knowledge.learnt import NO_DETECTOR, Learnt, any_effect, any_gap_inputs
 from twingap.gap.knowledge.null import MachineScores, Null
+from twingap.records import Array
 
-Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 
 @dataclass
 class Examples:
-    """Simulated gaps as arrays.
+    """Simulated gaps as arrays."""
 
-    Parameters
-    ----------
-    features : Array [examples, features]
-        Comparison on the held-out part.
-    missing : Mask [examples, effects]
-    modelled : Mask [examples, effects]
-        Effects of the given twin; they cannot be missing, though a machine may have a variant of them.
-    outside : Mask [examples]
-        Whether the machine has an effect outside the catalogue.
-    machine : Array [examples]
-        Number of the machine; a machine is in one fold only.
-    first : Mask [examples]
-        True for the twin as given; False where effects have been added to it.
-    values : Array [examples, parameters]
-        Values of the missing effects, NaN otherwise.
-    fit_features : Array [examples, features]
-        Comparison on the fit part.
-    """
-
-    features: NDArray[np.float32]
-    missing: Mask
+    features: NDArray[np.float32]  # [examples, features] comparison on the held-out part
+    missing: Mask  # [examples, effects]
+    # [examples, effects] Effects of the given twin; not missing, though a machine may have a variant of them.
     modelled: Mask
-    outside: Mask
-    machine: NDArray[np.int64]
-    first: Mask
-    values: Array
-    fit_features: NDArray[np.float32]
+    outside: Mask  # [examples] whether the machine has an effect outside the catalogue
+    machine: NDArray[np.int64]  # [examples] number of the machine; a machine is in one fold only
+    first: Mask  # [examples] True for the twin as given; False where effects have been added to it
+    values: Array  # [examples, parameters] values of the missing effects, NaN otherwise
+    fit_features: NDArray[np.float32]  # [examples, features] comparison on the fit part
 
     def __len__(self) -> int:
         return len(self.features)
@@ -110,14 +92,10 @@ def general_columns(names: tuple[str, ...]) -> NDArray[np.int64]:
         "impacts.snr|*", "background.rms_log|spread", "background.white_level|spread",
     )  # fmt: skip
     wanted, of_sets = (".diff", ".z", "|spread"), ("context|", "shape|", "path|", "change|", "distance|", "pooled|")
-    return np.array(
-        [
-            i for i, name in enumerate(names)
-            if any(fnmatchcase(name, p) for p in patterns)
-            and (name.endswith(wanted) or name.startswith(of_sets))
-        ],
-        dtype=np.int64,
-    )  # fmt: skip
+    general = (
+        any(fnmatchcase(n, p) for p in patterns) and (n.endswith(wanted) or n.startswith(of_sets)) for n in names
+    )
+    return np.flatnonzero(list(general))
 
 
 def _on_one_thread(function: Callable[..., Any], *arguments: Any) -> Any:
@@ -134,7 +112,6 @@ def learn(examples: Examples, effects: tuple[str, ...], parameters: tuple[tuple[
 
     Parameters
     ----------
-    examples : Examples
     effects : tuple of str
         Names of the columns of `examples.missing`.
     parameters : tuple of (str, str)

@@ -13,8 +13,7 @@ from twingap.gap.knowledge.detectability import Detectability
 from twingap.gap.knowledge.detectors import Ensemble, Estimator
 from twingap.gap.knowledge.null import NO_MACHINES, MachineScores, Null
 from twingap.gap.knowledge.score_calibration import ScoreCalibration
-
-Array = NDArray[np.float64]
+from twingap.records import Array
 
 NO_DETECTOR: Final = -6.0
 """Log odds of an effect without a detector, or of one that the twin has."""
@@ -22,52 +21,26 @@ NO_DETECTOR: Final = -6.0
 
 @dataclass
 class Learnt:
-    """All models of the diagnosis.
+    """All models of the diagnosis."""
 
-    Parameters
-    ----------
-    effects : tuple of str
-        Effects that were trained on, in the order of the detectors' columns.
-    detectors : Mapping[str, Ensemble]
-        Detectors of missing effects; none for an effect with too few examples.
-    estimators : Mapping[(effect, parameter), Estimator]
-    any_gap : Ensemble
-        Detector of a gap of any cause.
-    null : Null
-        Null distribution: scores of machines whose twin lacks nothing.
-    features : tuple of str
-        Names of the features that detectors and estimators use, in their order.
-    about : Mapping
-        Provenance of the training.
-    thresholds : Mapping[str, float]
-        Log odds from which an effect is tried.
-    set_level : float
-        Joint probability of confidence sets where there is no `calibration`.
-    null_rest : Null
-        Null distribution of twins to which all missing effects have been added.
-    general : Array [columns]
-        Columns of features that `any_gap` uses besides the detectors.
-    calibration : ScoreCalibration or None
-        Probabilities of effects from outcomes of a search; None where there were too few searches.
-    detectability : Detectability or None
-        Detectability of effects. Used in training only, and not stored in files.
-    outdated : frozenset of str
-        Effects whose definition differs from the one trained on; no model is applied to them.
-    """
-
-    effects: tuple[str, ...]
-    detectors: Mapping[str, Ensemble]
+    effects: tuple[str, ...]  # effects that were trained on, in the order of the detectors' columns
+    detectors: Mapping[str, Ensemble]  # detectors of missing effects; none for an effect with too few examples
     estimators: Mapping[tuple[str, str], Estimator]
-    any_gap: Ensemble
-    null: Null
-    features: tuple[str, ...]
-    about: dict[str, Any]
-    thresholds: Mapping[str, float] = field(default_factory=dict)
-    set_level: float = 0.9
+    any_gap: Ensemble  # detector of a gap of any cause
+    null: Null  # null distribution: scores of machines whose twin lacks nothing
+    features: tuple[str, ...]  # names of the features that detectors and estimators use, in their order
+    about: dict[str, Any]  # provenance of the training
+    thresholds: Mapping[str, float] = field(default_factory=dict)  # log odds from which an effect is tried
+    set_level: float = 0.9  # joint probability of confidence sets where there is no `calibration`
+    # Null distribution of twins to which all missing effects have been added.
     null_rest: Null = field(default_factory=lambda: Null(NO_MACHINES))
+    # [columns] Columns of features that `any_gap` uses besides the detectors.
     general: NDArray[np.int64] = field(default_factory=lambda: np.empty(0, np.int64))
+    # Probabilities of effects from outcomes of a search; None where there were too few searches.
     calibration: ScoreCalibration | None = None
+    # Detectability of effects. Used in training only, and not stored in files.
     detectability: Detectability | None = None
+    # Effects whose definition differs from the one trained on; no model is applied to them.
     outdated: frozenset[str] = frozenset()
 
     @property

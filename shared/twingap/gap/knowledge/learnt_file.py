@@ -33,19 +33,9 @@ _OWN: Final = "twingap.effects."
 
 
 def write_learnt(learnt: Learnt, folder: Path, parameters: Mapping[str, Any] | None = None) -> tuple[Path, Path]:
-    """Write the models as arrays and JSON, without executable content.
+    """Write the models as arrays and JSON, without executable content: learnt.json and learnt.npz in this order.
 
-    Parameters
-    ----------
-    learnt : Learnt
-    folder : Path
-    parameters : Mapping[str, Any], optional
-        Definitions of the effects that were trained on; None for those of the catalogue.
-
-    Returns
-    -------
-    (Path, Path)
-        learnt.json and learnt.npz.
+    `parameters` are definitions of the effects that were trained on; None for those of the catalogue.
     """
     folder.mkdir(parents=True, exist_ok=True)
     trees, calibration = _TreeWriter(), learnt.calibration
@@ -68,8 +58,9 @@ def write_learnt(learnt: Learnt, folder: Path, parameters: Mapping[str, Any] | N
         arrays |= {f"{name}.{key}": value for key, value in vars(null.machines).items()}
     data, text = folder / "learnt.npz", folder / "learnt.json"
     with replacing(data) as temporary, temporary.open("wb") as file:
-        kept: dict[str, Any] = {name: _small(value) for name, value in arrays.items()}
-        np.savez_compressed(file, **kept)
+        # Scores and distances are rounded to seven digits: only their ranks are used.
+        small: dict[str, Any] = {n: a.astype(np.float32) if a.dtype == np.float64 else a for n, a in arrays.items()}
+        np.savez_compressed(file, **small)
     table["npz_sha256"] = hashlib.sha256(data.read_bytes()).hexdigest()
     with replacing(text) as temporary:
         temporary.write_text(json.dumps(table, indent=0) + "\n", encoding="utf-8", newline="\n")
@@ -158,11 +149,6 @@ def _as_learnt(name: str, known: Mapping[str, Any] | None) -> bool:
 
 _FLOAT: Final[Mapping[str, Any]] = {"with_healthy": bool}
 """Types of the arrays of a null distribution that are not float."""
-
-
-def _small(value: NDArray[Any]) -> NDArray[Any]:
-    """Scores and distances rounded to seven digits: only their ranks are used."""
-    return value.astype(np.float32) if value.dtype == np.float64 else value
 
 
 def _estimator(key: tuple[str, str], estimator: Estimator, trees: _TreeWriter) -> dict[str, Any]:

@@ -39,50 +39,25 @@ from twingap.twins.phenomenological import PhenomenologicalParameters, Phenomeno
 
 @dataclass(frozen=True)
 class Machine:
-    """A machine with its true parameters, which records and metadata show only in part.
-
-    Parameters
-    ----------
-    bearing : Bearing
-    parameters : PhenomenologicalParameters
-    conditions : tuple of Condition
-        Conditions with true speeds.
-    nominal : tuple of Condition
-        Conditions with the speeds of the metadata.
-    modes : tuple of Mode
-        Modes of the structure besides the first. A twin file has none, so such a machine is paired with simulated
-        records of an external simulator.
-    contact_s : float
-        Duration of an impact's contact force, s; 0 is an impulse.
-    tilt : float
-        Relative change of the response at half the sampling rate: sampling of a response differs between laboratories,
-        with an effect near that rate.
-    continuous : float
-        Sampling of the response: 1 for the response of a structure to a force at any time, 0 for samples of its
-        ring-down.
-    imperfections : tuple of Effect
-        Effects too weak to be named.
-    """
+    """A machine with its true parameters, which records and metadata show only in part."""
 
     bearing: Bearing
     parameters: PhenomenologicalParameters
-    conditions: tuple[Condition, ...]
-    nominal: tuple[Condition, ...]
+    conditions: tuple[Condition, ...]  # with true speeds
+    nominal: tuple[Condition, ...]  # with the speeds of the metadata
+    # Modes of the structure besides the first. A twin file has none, so such a machine is paired with simulated records
+    # of an external simulator.
     modes: tuple[Mode, ...] = ()
-    contact_s: float = 0.0
+    contact_s: float = 0.0  # duration of an impact's contact force, s; 0 is an impulse
+    # Relative change of the response at half the sampling rate: sampling of a response differs between laboratories,
+    # with an effect near that rate.
     tilt: float = 0.0
+    # Sampling of the response: 1 for that of a structure to a force at any time, 0 for samples of its ring-down.
     continuous: float = 0.0
-    imperfections: tuple[Effect, ...] = field(default=())
+    imperfections: tuple[Effect, ...] = field(default=())  # effects too weak to be named
 
     def twin(self, effects: Sequence[Effect] = (), scale: float = 1.0) -> StructuredTwin:
-        """Simulator of this machine.
-
-        Parameters
-        ----------
-        effects : sequence of Effect
-        scale : float
-            Factor on its samples.
-        """
+        """Simulator of this machine with effects, its samples multiplied by `scale`."""
         names = {effect.name for effect in effects}
         small = tuple(effect for effect in self.imperfections if effect.name not in names)
         own = replace(self.parameters, scale=self.parameters.scale * scale)
@@ -110,16 +85,9 @@ class StructuredTwin(PhenomenologicalTwin):
     """The phenomenological twin with further modes and impacts of finite duration."""
 
     def __init__(
-        self,
-        bearing: Bearing,
-        parameters: PhenomenologicalParameters,
-        effects: Sequence[Effect],
-        modes: Sequence[Mode],
-        contact_s: float,
-        tilt: float,
-        continuous: float,
-        healthy_rms: float | None = None,
-    ) -> None:
+        self, bearing: Bearing, parameters: PhenomenologicalParameters, effects: Sequence[Effect],
+        modes: Sequence[Mode], contact_s: float, tilt: float, continuous: float, healthy_rms: float | None = None,
+    ) -> None:  # fmt: skip
         super().__init__(bearing, parameters, effects)
         self._healthy_rms = healthy_rms
         self.modes, self.contact_s, self.tilt, self.continuous = tuple(modes), contact_s, tilt, continuous
@@ -168,16 +136,7 @@ draws modes in a narrower band."""
 
 
 def draw_machine(rng: np.random.Generator, own_simulator: bool, most_records: int = 40) -> Machine:
-    """A random machine.
-
-    Parameters
-    ----------
-    rng : numpy.random.Generator
-    own_simulator : bool
-        True: any structure, compared through simulated records; False: a structure that the baseline can represent.
-    most_records : int
-        Largest number of records.
-    """
+    """A random machine: with `own_simulator` of any structure, else of one that the baseline can represent."""
     bearing = draw_bearing(rng)
     fs_hz = log_uniform(rng, 6000, 52000)
     if rng.random() < 0.7:
@@ -228,16 +187,7 @@ def draw_bearing(rng: np.random.Generator) -> Bearing:
 def draw_conditions(
     rng: np.random.Generator, fs_hz: float, most_records: int
 ) -> tuple[tuple[Condition, ...], tuple[Condition, ...]]:
-    """True and nominal conditions of the records of a random machine.
-
-    Parameters
-    ----------
-    rng : numpy.random.Generator
-    fs_hz : float
-        Sampling rate, Hz.
-    most_records : int
-        Largest number of records.
-    """
+    """True and nominal conditions of the records of a random machine."""
     count = int(np.clip(np.exp(rng.uniform(np.log(5), np.log(1.6 * most_records))), 5, most_records))
     duration = float(rng.choice([0.3, 0.5, 0.8, 1.0, 1.0, 1.5]))
     n = int(np.clip(duration * fs_hz, 3000, 16000))  # longer records add little information at a proportional cost

@@ -12,7 +12,8 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from twingap.records import Array
+
 Mask = NDArray[np.bool_]
 
 RECORDS: Final = "context|records"
@@ -46,28 +47,16 @@ def _feature(features: NDArray[Any], names: tuple[str, ...], name: str, otherwis
 
 @dataclass(frozen=True)
 class MachineScores:
-    """Scores and properties of machines that the null distribution uses.
+    """Scores and properties of machines that the null distribution uses."""
 
-    Parameters
-    ----------
-    scores : Array [machines, scores]
-        Log odds of a gap, one column per statistic.
-    records : Array [machines]
-        Logarithm of the number of records.
-    distance : Array [machines]
-        Distance between records and twin; NaN where it is unknown.
-    kind : Array [machines]
-        `BARE`, `OWN_SIMULATOR` (no calibrated parameters, therefore smaller distances) or `WITH_EFFECTS` (of which the
-        machine may have a variant).
-    with_healthy : Mask [machines]
-        Whether some records are healthy: without any, the calibration has to separate noise from impacts and is less
-        accurate.
-    """
-
-    scores: Array
-    records: Array
-    distance: Array
+    scores: Array  # [machines, scores] log odds of a gap, one column per statistic
+    records: Array  # [machines] logarithm of the number of records
+    distance: Array  # [machines] distance between records and twin; NaN where it is unknown
+    # [machines] `BARE`, `OWN_SIMULATOR` (no calibrated parameters, therefore smaller distances) or `WITH_EFFECTS` (of
+    # which the machine may have a variant).
     kind: Array
+    # [machines] Whether some records are healthy: without any, the calibration has to separate noise from impacts and
+    # is less accurate.
     with_healthy: Mask
 
     @classmethod

@@ -14,20 +14,18 @@ record set.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.signal import hilbert, istft, stft
 
 from twingap.effects.drawing import log_uniform
-from twingap.records import Record, RecordSet
-
-Array = NDArray[np.float64]
+from twingap.records import Array, Record, RecordSet
 
 
 @dataclass(frozen=True)
 class _Plan:
-    """Parameters of the change common to all records of a set; its time of onset is drawn for each record."""
+    """Parameters of the change common to all records of a set; its onset is drawn for each record."""
 
     kind: str
     over_time: str
@@ -36,18 +34,18 @@ class _Plan:
     high: float
     strength: float
     segment: int
-    entropy: int
-    """Entropy of what is common to all records of a set: a nonlinearity, a set of echoes."""
+    entropy: int  # of what is common to all records of a set: a nonlinearity, a set of echoes
 
 
-_KINDS = ("gain", "noise", "scrambled", "shift", "fold", "curve", "taps", "level")
-"""Kinds of change of a record."""
-_CHANCES = (0.16, 0.17, 0.12, 0.14, 0.08, 0.15, 0.12, 0.06)
-"""Probabilities of the kinds of change. A larger one gives more training examples of that kind."""
-_REMOUNTED = 0.12
+_KINDS: Final = {
+    "gain": 0.16, "noise": 0.17, "scrambled": 0.12, "shift": 0.14, "fold": 0.08, "curve": 0.15, "taps": 0.12,
+    "level": 0.06,
+}  # fmt: skip
+"""Kinds of change of a record, with their probabilities. A larger one gives more training examples of that kind."""
+_REMOUNTED: Final = 0.12
 """Standard deviation of the logarithm of a record's level at strength 1, as by remounting a sensor. A larger value
 makes the change easier to detect."""
-_FARTHEST = 0.016
+_FARTHEST: Final = 0.016
 """Largest deviation of a band's frequencies at strength 1, as a part of the sampling rate. A larger value makes the
 change easier to detect."""
 
@@ -58,7 +56,7 @@ def with_outside_effect(records: RecordSet, rng: np.random.Generator) -> RecordS
     duration_s = min(c.duration_s for c in records.conditions)
     low = rng.uniform(0.0, 0.4)
     plan = _Plan(
-        kind=str(rng.choice(_KINDS, p=_CHANCES)),
+        kind=str(rng.choice(list(_KINDS), p=list(_KINDS.values()))),
         over_time=str(rng.choice(["ramp", "step", "wave", "pulses", "even"])),
         rate_hz=log_uniform(rng, 1.5 / duration_s, 60),
         low=low,

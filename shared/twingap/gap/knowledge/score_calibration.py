@@ -19,7 +19,8 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from twingap.records import Array
+
 Mask = NDArray[np.bool_]
 
 _FEWEST: Final = 25
@@ -40,29 +41,15 @@ _PARTS: Final = 10
 
 
 class Outcome(NamedTuple):
-    """Outcome of a search for one effect.
+    """Outcome of a search for one effect."""
 
-    Parameters
-    ----------
-    certainty : float
-        Log odds: of a named effect with that effect left out, of any other against the twin with all named effects.
-    first : float
-        Log odds against the twin as given.
-    named : bool
-    others : int
-        Number of named effects.
-    p_value : float
-        P-value of no gap.
-    rest_p : float
-        P-value of no rest.
-    """
-
+    # Log odds: of a named effect with that effect left out, of any other against the twin with all named effects.
     certainty: float
-    first: float
+    first: float  # log odds against the twin as given
     named: bool
-    others: int
-    p_value: float
-    rest_p: float
+    others: int  # number of named effects
+    p_value: float  # p-value of no gap
+    rest_p: float  # p-value of no rest
 
     def features(self) -> Array:
         """[9] Inputs of the calibration."""
@@ -79,12 +66,7 @@ class Outcome(NamedTuple):
 class ScoreCalibration:
     """Logistic regression: log odds that an effect is missing, linear in the features of its outcome.
 
-    Parameters
-    ----------
-    weights : Array [features]
-    offset : float
-    named_from : float
-        Probability from which an effect is named.
+    From the probability `named_from` on an effect is named.
     """
 
     weights: Array
@@ -99,15 +81,9 @@ class ScoreCalibration:
 def learn_score_calibration(
     outcomes: Sequence[Outcome], missing: Sequence[bool], machine: Sequence[int]
 ) -> ScoreCalibration | None:
-    """Score calibration from outcomes of searches with known truth; None where there are too few.
+    """Score calibration from outcomes of searches, of effects known to be missing or not; None where there are too few.
 
-    Parameters
-    ----------
-    outcomes : sequence of Outcome
-    missing : sequence of bool
-        Whether each effect is missing.
-    machine : sequence of int
-        Machine, or group of machines, of each outcome; in cross-validation a group is never split.
+    `machine` is the machine, or group of machines, of each outcome; in cross-validation a group is never split.
     """
     label = np.asarray(missing, bool)
     if min(label.sum(), (~label).sum()) < _FEWEST:

@@ -25,23 +25,9 @@ if TYPE_CHECKING:
 def searches(
     learnt: Learnt, seed: int, machines: Sequence[int], most_records: int, among: Sequence[str] = ()
 ) -> list[tuple[Outcome, bool]]:
-    """Outcomes of searches on simulated machines, effect by effect, with the truth; undetectable effects are left out.
+    """Outcome of a search for each effect on simulated machines (see `examples.examples`), and whether it is missing.
 
-    Parameters
-    ----------
-    learnt : Learnt
-    seed : int
-    machines : sequence of int
-        Numbers of the machines, see `examples.examples`.
-    most_records : int
-        Largest number of records of a machine.
-    among : sequence of str
-        Effects to draw from; empty for the whole catalogue.
-
-    Returns
-    -------
-    list of (Outcome, bool)
-        Outcome of each effect, and whether it is missing.
+    Undetectable effects are left out. Effects are drawn from `among`, or from the whole catalogue.
     """
     found: list[tuple[Outcome, bool]] = []
     for machine in machines:
@@ -63,8 +49,7 @@ def _hidden(gap: SimulatedGap, evidence: Evidence, learnt: Learnt) -> set[str]:
     """Undetectable effects of a machine."""
     if learnt.detectability is None:
         return set()
-    present = {effect.name: effect for effect in gap.missing}
-    setting = evidence.setting
+    present, setting = {effect.name: effect for effect in gap.missing}, evidence.setting
     values = [to_number(present[n], p, setting) if n in present else np.nan for n, p in trained_coordinates()]
     missing = np.array([name in present for name in learnt.effects])
     hidden = learnt.detectability.hidden(missing[None], np.array(values)[None], evidence.against().held_out[None])[0]

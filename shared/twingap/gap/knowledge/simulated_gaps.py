@@ -36,48 +36,22 @@ form."""
 
 @dataclass(frozen=True)
 class SimulatedGap:
-    """A gap with known causes.
+    """A gap with known causes."""
 
-    Parameters
-    ----------
-    records : RecordSet
-        Records of the machine, with nominal metadata.
-    spec : TwinSpec
-        The twin to be diagnosed.
-    sim : RecordSet or None
-        Records of an external simulator, in place of the twin's.
-    missing : tuple of Effect
-        Effects of the machine that the twin lacks.
-    modelled : tuple of Effect
-        Effects of both, at the machine's values.
-    outside : bool
-        Whether the machine also has an effect outside the catalogue.
-    machine : Machine
-    """
-
-    records: RecordSet
-    spec: TwinSpec
-    sim: RecordSet | None
-    missing: tuple[Effect, ...]
-    modelled: tuple[Effect, ...]
-    outside: bool
-    machine: Machine
+    records: RecordSet  # records of the machine, with nominal metadata
+    spec: TwinSpec  # the twin to be diagnosed
+    sim: RecordSet | None  # records of an external simulator, in place of the twin's
+    missing: tuple[Effect, ...]  # effects of the machine that the twin lacks
+    modelled: tuple[Effect, ...]  # effects of both, at the machine's values
+    outside: bool  # whether the machine also has an effect outside the catalogue
 
 
 def draw_gap(
     rng: np.random.Generator, own_simulator: bool | None = None, most_records: int = 40, among: Sequence[str] = ()
 ) -> SimulatedGap:
-    """A random simulated gap.
+    """A random simulated gap, with effects from `among`, or from the whole catalogue.
 
-    Parameters
-    ----------
-    rng : numpy.random.Generator
-    own_simulator : bool or None
-        Whether the twin is a set of simulated records; None: with probability one third.
-    most_records : int
-        Largest number of records.
-    among : sequence of str
-        Effects to draw from; empty for the whole catalogue.
+    `own_simulator` is whether the twin is a set of simulated records; None: with probability one third.
     """
     own = bool(rng.random() < 1 / 3) if own_simulator is None else own_simulator
     machine = draw_machine(rng, own, most_records)
@@ -105,7 +79,7 @@ def draw_gap(
         sim = simulated(replace(machine, conditions=machine.nominal), modelled, rng, gain)
     values = {effect.name: effect.parameter_values() for effect in _as_known(modelled, machine, rng)}
     spec = TwinSpec("phenomenological", tuple(values), None, values)
-    return SimulatedGap(nominal, spec, sim, effects, modelled, outside, machine)
+    return SimulatedGap(nominal, spec, sim, effects, modelled, outside)
 
 
 def maybe_variant(effect: Effect, machine: Machine, rng: np.random.Generator) -> Effect:
@@ -134,17 +108,7 @@ def simulated(machine: Machine, effects: Sequence[Effect], rng: np.random.Genera
 def draw_effects(
     rng: np.random.Generator, machine: Machine, count: int, among: Sequence[str] = ()
 ) -> tuple[Effect, ...]:
-    """Different random effects, at values that this machine's records can show.
-
-    Parameters
-    ----------
-    rng : numpy.random.Generator
-    machine : Machine
-    count : int
-        Number of effects; fewer where the machine's records can show no more.
-    among : sequence of str
-        Effects to draw from; empty for the whole catalogue.
-    """
+    """Different random effects, at values that this machine's records can show; fewer where these show no more."""
     names = [name for name in trainable() if not among or name in among]
     chances = np.array([catalogue()[name].draw_weight for name in names])
     out: list[Effect] = []

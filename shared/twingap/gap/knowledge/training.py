@@ -56,22 +56,15 @@ class Chunk:
 
 
 def train(
-    folder: Path,
-    *,
-    seed: int = SEED,
-    machines: int = MACHINES,
-    backend: str = "loky",
-    address: str | None = None,
-    jobs: int | None = None,
-    progress: Progress | None = None,
-) -> Path:
+    folder: Path, *, seed: int = SEED, machines: int = MACHINES, backend: str = "loky", address: str | None = None,
+    jobs: int | None = None, progress: Progress | None = None,
+) -> Path:  # fmt: skip
     """Train the diagnosis on simulated gaps.
 
     Parameters
     ----------
     folder : Path
         Output folder: models in `folder`/learnt, intermediate chunks in `folder`/chunks.
-    seed : int
     machines : int
         Number of simulated machines to train on; a sixth as many more are searched.
     backend, address, jobs
@@ -89,28 +82,19 @@ def train(
     TwingapError
         For fewer than 20 machines, or where too few of them have a gap or none.
     """
-    notify = progress or _no_progress
+    notify = progress or (lambda what, part: None)
     if machines < 20:
         raise TwingapError(f"machines = {machines}, at least 20 expected", where="training")
     run = partial(
-        sweep,
-        store=folder / "chunks",
-        backend=backend,
-        address=address,
-        n_jobs=jobs,
-        version=_version(),
+        sweep, store=folder / "chunks", backend=backend, address=address, n_jobs=jobs, version=_version(),
         describe=_label,
-    )
+    )  # fmt: skip
     wanted = [Chunk(seed, first, min(CHUNK, machines - first)) for first in range(0, machines, CHUNK)]
     counted = _counted(notify, "simulated gaps", len(wanted), 0.0, 0.7)
-    made = stacked([_examples(r.value) for r in run(_example_chunk, wanted, on_result=counted)])
-    learnt = learn(
-        made,
-        tuple(trainable()),
-        trained_coordinates(),
-        feature_names(),
-        lambda what, part: notify(what, 0.7 + 0.15 * part),
-    )
+    parts = (result.value for result in run(_example_chunk, wanted, on_result=counted))
+    made = stacked([Examples(**{name: np.asarray(value) for name, value in part.items()}) for part in parts])
+    learning = lambda what, part: notify(what, 0.7 + 0.15 * part)  # noqa: E731
+    learnt = learn(made, tuple(trainable()), trained_coordinates(), feature_names(), learning)
     learnt.about.update(machines=machines, seed=seed, version=versions()["twingap"])
     count = machines // PER_SEARCH
     searched = [
@@ -125,15 +109,7 @@ def train(
 
 
 def calibrate(learnt: Learnt, ends: Sequence[Mapping[str, Any]]) -> None:
-    """Add the score calibration to `learnt`, from outcomes of searches.
-
-    Parameters
-    ----------
-    learnt : Learnt
-        Changed in place.
-    ends : sequence of Mapping
-        Per chunk, `outcomes` (fields of `Outcome`, a row per effect) and `missing` (the truth of each row).
-    """
+    """Add the score calibration to `learnt`, from searches as `_search_chunk` returns them."""
     outcomes = [Outcome(*row) for chunk in ends for row in chunk["outcomes"]]
     missing = [bool(there) for chunk in ends for there in chunk["missing"]]
     chunk_of = [number for number, chunk in enumerate(ends) for _ in chunk["missing"]]
@@ -157,13 +133,8 @@ def _example_chunk(chunk: Chunk) -> dict[str, Any]:
     return dict(vars(made))
 
 
-def _examples(stored: Mapping[str, Any]) -> Examples:
-    """Examples from stored arrays."""
-    return Examples(**{name: np.asarray(value) for name, value in stored.items()})
-
-
 def _search_chunk(learnt: Learnt, chunk: Chunk) -> dict[str, Any]:
-    """Outcomes of the searches of a chunk, with the truth."""
+    """Searches of a chunk: `outcomes` (fields of `Outcome`, a row per effect) and `missing` (the truth of each row)."""
     numbers = range(chunk.first, chunk.first + chunk.count)
     ends = searches(learnt, chunk.seed, numbers, MOST_RECORDS)
     return {"outcomes": [list(map(float, outcome)) for outcome, _ in ends], "missing": [there for _, there in ends]}
@@ -173,7 +144,3 @@ def _counted(progress: Progress, what: str, total: int, begin: float, part: floa
     """Callback per finished job, for a step that covers `part` of the progress from `begin`."""
     done = iter(range(1, total + 1))
     return lambda _: progress(what, begin + part * next(done) / total)
-
-
-def _no_progress(what: str, fraction: float) -> None:
-    pass

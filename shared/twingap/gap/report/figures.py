@@ -40,7 +40,8 @@ _LINES: Final = (
 def all_figures(report: GapReport) -> Iterator[tuple[str, Any]]:
     """Every figure that the report has data for, with its name; curves first."""
     places = report.places
-    for name in sorted(report.curves, key=_place_on_page):
+    kinds = {name: name.partition("-")[0] for name in report.curves}  # as of "envelope-outer"
+    for name in sorted(kinds, key=lambda name: [*FIRST, kinds[name]].index(kinds[name])):
         yield f"curve-{name}", curve_figure(report.curves[name], places)
     if places:
         yield "shares", shares_figure(places)
@@ -52,20 +53,10 @@ def all_figures(report: GapReport) -> Iterator[tuple[str, Any]]:
         yield "metrics", metrics_figure(report.metrics)
 
 
-def _place_on_page(name: str) -> int:
-    """Place of a curve in the order of `FIRST`; those of one kind, such as "envelope-outer", follow each other."""
-    kind = name.partition("-")[0]
-    return FIRST.index(kind) if kind in FIRST else len(FIRST)
-
-
 def curve_figure(curve: Curve, places: Sequence[Place] = ()) -> Any:
     """Lines of the records and of the twin before and after, with the places of their domain shaded.
 
-    Parameters
-    ----------
-    curve : Curve
-    places : sequence of Place
-        Those of other domains are left out; numbers are those of the given sequence.
+    Places are numbered as in the given sequence, of which those of other domains are left out.
     """
     import plotly.graph_objects as go
 
@@ -127,16 +118,11 @@ def attribution_figure(shares: Sequence[GroupShare]) -> Any:
     import plotly.graph_objects as go
 
     values = [100 * share.share for share in shares]
-    low, high = ([100 * share.share_ci[end] for share in shares] for end in (0, 1))
     figure = go.Figure(
         go.Bar(
             x=values, y=[html.escape(share.group) for share in shares], orientation="h",
             marker={"color": [AFTER if share.shown else _faint(AFTER) for share in shares]},
-            error_x={
-                "type": "data", "symmetric": False, "color": GREY,
-                "array": [max(h - v, 0) for h, v in zip(high, values, strict=True)],
-                "arrayminus": [max(v - e, 0) for e, v in zip(low, values, strict=True)],
-            },
+            error_x=_errors(values, [share.share_ci for share in shares], type="data", symmetric=False, color=GREY),
             customdata=[html.escape(", ".join(one.effect for one in share.effects)) for share in shares],
             hovertemplate="%{y}: %{x:.0f} % of the gap<br>%{customdata}<extra></extra>",
         )
@@ -166,11 +152,7 @@ def closures_figure(candidates: Sequence[Candidate], effects: Sequence[str]) -> 
         figure.add_scatter(
             x=values, y=[html.escape(c.effect.replace("_", " ")) for c in own], mode="markers", name=label,
             marker={"symbol": symbol, "size": 13, "color": colour, "line": {"width": 2, "color": colour}},
-            error_x={
-                "array": [max(100 * c.closure_ci[1] - v, 0) for c, v in zip(own, values, strict=True)],
-                "arrayminus": [max(v - 100 * c.closure_ci[0], 0) for c, v in zip(own, values, strict=True)],
-                "color": colour, "thickness": 2.5, "width": 6,
-            },
+            error_x=_errors(values, [c.closure_ci for c in own], color=colour, thickness=2.5, width=6),
             customdata=[[f"{c.probability:.0%}", *(f"{100 * v:.0f}" for v in c.closure_ci)] for c in own],
             hovertemplate="%{y}: closes %{x:.0f} % (90 %: %{customdata[1]} to %{customdata[2]} %)"
             "<br>probability %{customdata[0]}<extra></extra>",
@@ -196,7 +178,8 @@ def metrics_figure(metrics: Sequence[Metric]) -> Any:
     shown = [m for m in metrics if m.closure is not None]
     names = [html.escape(m.metric.replace("_", " ")) for m in shown]
     left = [100 * _left(m, m.after) for m in shown]
-    ends = [sorted(100 * _left(m, v) for v in m.ci_after) for m in shown]
+    parts = [sorted(_left(m, v) for v in m.ci_after) for m in shown]
+    ends = [[100 * v for v in part] for part in parts]
     figure = go.Figure()
     for name, value in zip(names, left, strict=True):
         figure.add_scatter(
@@ -212,11 +195,7 @@ def metrics_figure(metrics: Sequence[Metric]) -> Any:
     figure.add_scatter(
         x=left, y=names, mode="markers", name="after, with 90 % interval",
         marker={"symbol": "diamond", "size": 14, "color": AFTER},
-        error_x={
-            "array": [max(e[1] - v, 0) for e, v in zip(ends, left, strict=True)],
-            "arrayminus": [max(v - e[0], 0) for e, v in zip(ends, left, strict=True)],
-            "color": AFTER, "thickness": 2.5, "width": 6,
-        },
+        error_x=_errors(left, parts, color=AFTER, thickness=2.5, width=6),
         customdata=[f"{m.after:.4g} {html.escape(m.unit)}" for m in shown],
         hovertemplate="%{y} after: %{customdata}, %{x:.0f} % of the gap left<extra></extra>",
     )  # fmt: skip
@@ -226,6 +205,13 @@ def metrics_figure(metrics: Sequence[Metric]) -> Any:
                         range=[max(low, -100.0) - 3, min(high, 300.0) + 3])  # fmt: skip
     figure.update_yaxes(categoryorder="array", categoryarray=names, autorange="reversed", automargin=True)
     return _styled(figure, height=140 + 38 * len(shown), top=48)
+
+
+def _errors(values: Sequence[float], parts: Sequence[Sequence[float]], **style: Any) -> dict[str, Any]:
+    """Bars from values in per cent to the ends of their intervals, which are parts."""
+    above = [max(100 * high - value, 0) for value, (_, high) in zip(values, parts, strict=True)]
+    below = [max(value - 100 * low, 0) for value, (low, _) in zip(values, parts, strict=True)]
+    return {"array": above, "arrayminus": below, **style}
 
 
 def _left(metric: Metric, value: float) -> float:
@@ -270,21 +256,14 @@ def _mark_orders(figure: Any, curve: Curve) -> None:
 
 def _label(place: Place) -> str:
     words = place_words(place)
-    short = words if len(words) <= 44 else words[:43] + "…"
-    return (
-        html.escape(short)
-        if place.domain == "condition"
-        else f"{DOMAIN[place.domain].short_label}: {html.escape(short)}"
-    )
+    short = html.escape(words if len(words) <= 44 else words[:43] + "…")
+    return short if place.domain == "condition" else f"{DOMAIN[place.domain].short_label}: {short}"
 
 
 _AXES: Final[Mapping[str, str]] = {
-    "Hz": "frequency (Hz)",
-    "s": "time within the record (s)",
-    "quantile": "quantile of |x|",
-    "shaft orders": "multiples of shaft speed",
-    "condition": "",
-}
+    "Hz": "frequency (Hz)", "s": "time within the record (s)", "quantile": "quantile of |x|",
+    "shaft orders": "multiples of shaft speed", "condition": "",
+}  # fmt: skip
 """Units of curves that deserve a quantity."""
 
 

@@ -13,12 +13,8 @@ from twingap.effects.base import HEALTHY_RMS
 from twingap.gap.report.model import ParameterValue
 
 _SUFFIXES: Final[Mapping[str, str]] = {"Hz": "_hz", "rpm": "_rpm", "s": "_s", "N": "_n", "deg": "_deg", "1/s": "_per_s"}
-
-
 _WIDEST: Final = 1.2
 """Width of the interval of a closure from which the closure is not stated. A larger value states more of them."""
-
-
 _IN_LIST: Final = re.compile(r"(.+)\.[0-9]+")
 """Key of a number of a list."""
 

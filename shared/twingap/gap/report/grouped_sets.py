@@ -19,15 +19,9 @@ lines."""
 
 
 class Choice(NamedTuple):
-    """Members of a group in an explanation.
+    """Members of a group in an explanation; an effect without a group is one of its own.
 
-    Parameters
-    ----------
-    group : str
-        An effect without a group is one of its own.
-    effects : tuple of str
-    how : {"all", "some", "perhaps"}
-        Which of the effects are missing: all of them, one or more, or any or none.
+    `how` says which of the effects are missing: all of them, one or more, or any or none.
     """
 
     group: str
@@ -42,17 +36,8 @@ class Choice(NamedTuple):
 
 
 class GroupedSet(NamedTuple):
-    """Explanations that hold effects of the same groups.
-
-    Parameters
-    ----------
-    choices : tuple of Choice
-        Empty for "no effect".
-    explanations : int
-        Number of them.
-    weight : float
-        Their part of the confidence set's probability.
-    """
+    """Explanations that hold effects of the same groups: their choices (empty for "no effect"), their number, and their
+    part of the confidence set's probability."""
 
     choices: tuple[Choice, ...]
     explanations: int
@@ -64,19 +49,8 @@ def by_groups(
 ) -> tuple[GroupedSet, ...]:
     """The explanations of a confidence set, those with effects of the same groups taken together.
 
-    Parameters
-    ----------
-    sets : sequence of sets of effects
-        The most probable first.
-    probability : Mapping[str, float]
-        Probability that each effect is missing, which weights the explanations; 0.5 where absent.
-    part : float
-        Part of the set's probability from which the least probable ones are left out.
-
-    Returns
-    -------
-    tuple of GroupedSet
-        The most probable first.
+    Both `sets` and what is returned have the most probable first. The probability that each effect is missing (0.5
+    where it is not known) weights the explanations; beyond `part` of the total, the least probable ones are left out.
     """
     open_ = {name for one in sets for name in one if not all(name in other for other in sets)}
     together: dict[frozenset[str], list[tuple[frozenset[str], float]]] = {}

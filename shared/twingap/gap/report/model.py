@@ -8,6 +8,7 @@ Verdict, Place, Candidate, Metric, Curve --> GapReport --> .where, .which, .shri
 from __future__ import annotations
 
 import html
+import itertools
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
@@ -37,16 +38,8 @@ Numbers = tuple[float, ...]
 
 @dataclass(frozen=True)
 class GroupName:
-    """A group of effects that stand in for each other, of which at least one is missing.
-
-    Parameters
-    ----------
-    group : str
-    effects : tuple[str, ...]
-        Members that the data do not tell apart, the most probable first.
-    probability : float
-        That at least one of them is missing.
-    """
+    """A group of effects that the data do not tell apart, the most probable first, and the probability that at least
+    one of them is missing."""
 
     group: str
     effects: tuple[str, ...]
@@ -137,7 +130,6 @@ class Place:
         of |x|), time (s within the record), condition (named in `condition`).
     lo, hi : float or None
         Bounds in `unit`; None for domain condition.
-    unit : str
     share : float
         Part of the gap, 0 to 1.
     p_value : float
@@ -176,7 +168,6 @@ class Candidate:
 
     Parameters
     ----------
-    effect : str
     probability : float
         That the machine has it and the twin lacks it, 0 to 1.
     gap_before, gap_after : float
@@ -212,13 +203,10 @@ class Metric:
     ----------
     metric : str
         Name, such as "log-spectral distance" or "accuracy on the records".
-    before, after : float
     floor : float
         Records against records: the value of a perfect twin.
-    ci_after : (float, float)
-        90 % interval of `after`.
-    ci_before : (float, float) or None
-    unit : str
+    ci_after, ci_before : (float, float)
+        90 % intervals of `after` and `before`.
     higher_is_better : bool
         True for an accuracy.
     """
@@ -270,7 +258,6 @@ class GroupShare:
 
     Parameters
     ----------
-    group : str
     effects : tuple of EffectShare
         The largest first.
     share : float
@@ -293,15 +280,8 @@ class GroupShare:
 
 @dataclass(frozen=True)
 class Ceiling:
-    """Closure that real records reach in place of the twin; None where the set has no such records.
-
-    Parameters
-    ----------
-    same_unit : float or None
-        Other records of the same bearing.
-    other_unit : float or None
-        Records of other bearings with the same fault.
-    """
+    """Closure that real records reach in place of the twin: others of the same bearing, and those of other bearings
+    with the same fault. None where the set has no such records."""
 
     same_unit: float | None = None
     other_unit: float | None = None
@@ -313,16 +293,12 @@ class ClosestTwin:
 
     Parameters
     ----------
-    effects : tuple of ClosestEffect
     closure, closure_ci : float and (float, float)
         Part of the gap that they close, on held-out records, with its 90 % interval.
     attribution : tuple of GroupShare
         The largest share first; empty where nothing closes, or it was not requested.
-    ceiling : Ceiling
     twin : str
         Name of its twin file, beside gap.json; empty without one.
-    metrics : tuple of Metric
-        Before and after.
     """
 
     effects: tuple[ClosestEffect, ...] = ()
@@ -377,7 +353,6 @@ class Curve:
         Medians over held-out records; NaN where not measured.
     after : sequence of float or None
         None when the verdict adds nothing.
-    y_unit, title : str
     domain : str
         The places of this domain are marked on it.
     bands : Mapping[str, (lo, hi)]
@@ -406,16 +381,11 @@ class Curve:
         after = None if self.after is None else _numbers(self.after)
         bands = {name: (_numbers(lo), _numbers(hi)) for name, (lo, hi) in self.bands.items()}
         _set(self, x=x, real=_numbers(self.real), before=_numbers(self.before), after=after, bands=bands)
-        lines = [
-            self.real,
-            self.before,
-            *([after] if after is not None else []),
-            *(b for p in bands.values() for b in p),
+        sizes = [
+            len(line) for line in (self.real, self.before, after, *itertools.chain(*bands.values())) if line is not None
         ]
-        if any(len(line) != len(x) for line in lines):
-            raise ValueError(
-                f"curve {self.title!r}: lines of {[len(line) for line in lines]} values, {len(x)} expected"
-            )
+        if any(size != len(x) for size in sizes):
+            raise ValueError(f"curve {self.title!r}: lines of {sizes} values, {len(x)} expected")
 
 
 @dataclass(frozen=True)
@@ -424,7 +394,6 @@ class GapReport:
 
     Parameters
     ----------
-    verdict : Verdict
     places : tuple[Place, ...]
         Where the gap lies, the largest share first.
     candidates : tuple[Candidate, ...]
@@ -440,7 +409,6 @@ class GapReport:
         Identified parameters of the twin, the speed correction (speed_correction) and the unit gain (unit_gain).
     rest : tuple[Place, ...]
         Where the unexplained rest lies, the largest share first.
-    tests : tuple[TwoSampleTest, ...]
     curves : Mapping[str, Curve]
         For figures; any of "spectrum", "envelope", "order", "amplitude", "time", "condition", or others.
     closest : ClosestTwin
@@ -460,12 +428,8 @@ class GapReport:
     closest: ClosestTwin = field(default_factory=lambda: ClosestTwin())
 
     def __post_init__(self) -> None:
-        _set(
-            self,
-            places=_by_share(self.places),
-            rest=_by_share(self.rest),
-            candidates=tuple(sorted(self.candidates, key=lambda c: -c.probability)),
-        )
+        places, rest = (tuple(sorted(own, key=lambda p: -p.share)) for own in (self.places, self.rest))
+        _set(self, places=places, rest=rest, candidates=tuple(sorted(self.candidates, key=lambda c: -c.probability)))
 
     @property
     def sentence(self) -> str:
@@ -549,10 +513,6 @@ def count_words(number: int) -> str:
 
 def _percent(part: float) -> str:
     return f"{round(100 * part)} %"
-
-
-def _by_share(places: Iterable[Place]) -> tuple[Place, ...]:
-    return tuple(sorted(places, key=lambda p: -p.share))
 
 
 def _frame(rows: Iterable[Mapping[str, Any]], columns: tuple[str, ...]) -> pd.DataFrame:

@@ -22,11 +22,9 @@ from twingap.gap.report.sections import SECTIONS
 from twingap.gap.report.sections.headline import headline
 
 _CONFIG: Final = {
-    "displaylogo": False,
-    "responsive": True,
-    "displayModeBar": "hover",
+    "displaylogo": False, "responsive": True, "displayModeBar": "hover",
     "modeBarButtons": [["toImage", "zoomIn2d", "zoomOut2d", "resetScale2d"]],
-}
+}  # fmt: skip
 
 
 def page(report: GapReport) -> str:

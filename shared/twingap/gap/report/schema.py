@@ -104,11 +104,7 @@ def _intervals(value: Any, place: str) -> Iterator[str]:
     if isinstance(value, Mapping):
         items = ((f"{place}.{key}", item) for key, item in value.items())
         for key, item in value.items():
-            if (
-                key in ("ci", "closure_ci", "share_ci", "ci_before", "ci_after")
-                and isinstance(item, list)
-                and item[0] > item[1]
-            ):
+            if "ci" in key.split("_") and isinstance(item, list) and item[0] > item[1]:
                 yield f"{place}.{key}: lo {item[0]} is above hi {item[1]}"
     elif isinstance(value, list):
         items = ((f"{place}[{i}]", item) for i, item in enumerate(value))

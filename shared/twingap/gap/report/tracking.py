@@ -23,13 +23,7 @@ _OWN_PLACE = ("runtime_s", "records_sha256")
 def track_report(tracker: Tracker, report: GapReport, files: Iterable[str | os.PathLike[str]] = ()) -> None:
     """Log a diagnosis as a run, named by records, twin and seed.
 
-    Parameters
-    ----------
-    tracker : Tracker
-        A tracker, or a run that this one nests in.
-    report : GapReport
-    files : iterable of path-like
-        Files to keep with the run: gap.json, report.html.
+    It nests in `tracker` if that is a run. `files`, such as gap.json and report.html, are kept with the run.
 
     Raises
     ------
@@ -41,15 +35,12 @@ def track_report(tracker: Tracker, report: GapReport, files: Iterable[str | os.P
     words = (records, stated.get("twin"), f"seed {stated.get('seed', 0)}", "quick" if stated.get("quick") else "")
     name = " · ".join(str(word) for word in words if word)
     with tracker.run(name, {"kind": "gap", "status": verdict.status, "effects": effects}) as run:
-        run.parameters(
-            {
-                "status": verdict.status,
-                "effects": effects,
-                "closest": ", ".join(effect.effect for effect in report.closest.effects),
-                "confidence_set": json.dumps([list(names) for names in verdict.confidence_set], ensure_ascii=False),
-                **{key: value for key, value in stated.items() if key not in _OWN_PLACE},
-            }
-        )
+        run.parameters({
+            "status": verdict.status, "effects": effects,
+            "closest": ", ".join(effect.effect for effect in report.closest.effects),
+            "confidence_set": json.dumps([list(names) for names in verdict.confidence_set], ensure_ascii=False),
+            **{key: value for key, value in stated.items() if key not in _OWN_PLACE},
+        })  # fmt: skip
         run.metrics(_metrics(report))
         run.data(records or "records", str(stated["records_sha256"]))
         for table, frame in (("where", report.where), ("which", report.which), ("shrink", report.shrink)):
@@ -67,13 +58,10 @@ def _plain_cell(cell: Any) -> Any:
 def _metrics(report: GapReport) -> dict[str, Any]:
     """Numbers to compare diagnoses by. A closure that is not defined counts as not measured."""
     found: dict[str, Any] = {
-        "p_value": report.verdict.p_value,
-        "closure": report.verdict.closure,
-        "explanations": len(report.verdict.confidence_set),
-        "places": len(report.places),
-        "rest_places": len(report.rest),
-        "runtime_s": report.provenance["runtime_s"],
-    }
+        "p_value": report.verdict.p_value, "closure": report.verdict.closure,
+        "explanations": len(report.verdict.confidence_set), "places": len(report.places),
+        "rest_places": len(report.rest), "runtime_s": report.provenance["runtime_s"],
+    }  # fmt: skip
     for metric in report.metrics:
         found |= {f"before/{metric.metric}": metric.before, f"after/{metric.metric}": metric.after}
         found |= {f"floor/{metric.metric}": metric.floor, f"closure/{metric.metric}": metric.closure}

@@ -126,7 +126,7 @@ def test_a_test_states_the_statistic_of_the_measure_and_its_own_p_value() -> Non
     rng = np.random.default_rng(10)
     conditions = tuple(replace(c, group=f"g{i // 2}") for i, c in enumerate(conditions_of(8)))
     real, sims = vectors_of(conditions, rng, 0.3 * MISSING), many(conditions, rng, 0.0, 12)
-    tests = [test.test for test in two_sample_tests(Paired(real, sims), rng, 99)]
+    tests = two_sample_tests(Paired(real, sims), rng, 99)
     metrics = {m.metric: m for m in closure_metrics(real, sims[:3], sims[:3], rng)}
     auc, mmd = with_statistics(tests, metrics.values())
     assert auc.statistic == metrics["AUC of a classifier, records against twin"].before != tests[0].statistic

@@ -103,12 +103,12 @@ def test_family_wise_error_of_the_twin_against_itself() -> None:
     assert named <= binom.ppf(0.999, worlds, 0.05)
 
 
-def test_shares_and_remainder_add_up(conditions: list[Condition], replicates: list[FeatureVectors]) -> None:
+def test_shares_are_parts_of_the_gap(conditions: list[Condition], replicates: list[FeatureVectors]) -> None:
     rng = np.random.default_rng(3)
     for effects in ((), ("looseness",), ("sensor_rolloff", "slip_jitter")):
         found = locate(Paired(simulate(conditions, rng, [make_effect(e) for e in effects]), replicates), rng)
         shares = [place.share for place in found.places]
-        assert sum(shares) + found.remainder == pytest.approx(1.0)
+        assert sum(shares) <= 1 + 1e-9
         assert all(0 <= share <= 1 for share in shares)
         assert shares == sorted(shares, reverse=True)
         assert bool(found.places) == (found.p_value <= 0.05)

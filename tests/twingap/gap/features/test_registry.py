@@ -1,10 +1,12 @@
 """The registry of features and the domains: names, lengths and groups agree with what is measured."""
 
+from typing import get_args
+
 import numpy as np
 import pytest
 
 from tests.twingap.gap.features.machines import Machine
-from twingap.gap.distance.domain_names import DOMAIN_NAMES
+from twingap.gap.distance.domain_names import DomainName
 from twingap.gap.distance.domains import DOMAINS
 from twingap.gap.distance.grid import Grid
 from twingap.gap.features import registry
@@ -39,7 +41,7 @@ def test_features_are_in_the_order_of_their_names():
 def test_domains_have_a_vector_as_long_as_their_axis():
     ((record, _),) = Machine().records(fault="outer", count=1)
     grid = Grid.of([record.condition], record.bearing)
-    assert tuple(domain.name for domain in DOMAINS) == DOMAIN_NAMES
+    assert tuple(domain.name for domain in DOMAINS) == get_args(DomainName)
     for domain in DOMAINS:
         axis, vector = domain.axis(grid), domain.vector(record, grid)
         assert vector.shape == axis.lo.shape == axis.hi.shape == (len(axis.kind),)

@@ -8,7 +8,7 @@ import json
 import math
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 import pytest
@@ -16,7 +16,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from twingap.errors import TwingapError
-from twingap.gap.distance.domain_names import DOMAIN_NAMES
+from twingap.gap.distance.domain_names import DomainName
 from twingap.gap.report.files import dumped, from_json, read_report, to_json, write_report
 from twingap.gap.report.model import (
     Candidate,
@@ -37,7 +37,7 @@ from twingap.gap.report.model import (
 from twingap.gap.report.schema import problems
 
 MakeReport = Callable[..., GapReport]
-DOMAINS = DOMAIN_NAMES
+DOMAINS = get_args(DomainName)
 STATUSES = ("no_gap", "explained", "partly_explained", "unexplained")
 
 numbers = st.floats(-1e9, 1e9)

@@ -9,11 +9,8 @@ import math
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from twingap.signal.record_transforms import RecordTransforms
-
-Array = NDArray[np.float64]
 
 _QUANTILES: Final = (0.5, 0.9, 0.99, 0.999)
 """Quantiles of |x|. Higher ones depend on single samples."""

@@ -15,9 +15,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from twingap.records import Array
 from twingap.signal.record_transforms import RecordTransforms, medians
-
-Array = NDArray[np.float64]
 
 NAMES: Final[tuple[str, ...]] = (
     "clip_excess", "clip_fraction_log", "clip_rail_log", "clip_both", "clip_repeats", "clip_offset", "peak_to_peak_log",
@@ -25,11 +24,9 @@ NAMES: Final[tuple[str, ...]] = (
     "gap_fraction_log", "gap_length_log", "gap_longest_log", "gap_jump", "gap_weight",
 )  # fmt: skip
 """Keys of `measure`."""
-
 FINEST: Final = 3e-3
 """Smallest step over the healthy RMS that is distinguished: about 16 bits. A smaller value makes features sensitive to
 fine converters."""
-
 _SHORTEST: Final = 4
 """Smallest number of equal samples in a row that count as a gap. A larger value misses short gaps."""
 
@@ -63,22 +60,8 @@ def measure(record: RecordTransforms) -> dict[str, float]:
 
 
 def grid(values: Array, span: float, same: float) -> tuple[float, float, int]:
-    """Step of the grid that values lie on.
-
-    Parameters
-    ----------
-    values : Array [n]
-    span : float
-        Largest less smallest.
-    same : float
-        Difference below which two values are equal.
-
-    Returns
-    -------
-    (float, float, int)
-        Step; rms distance of the values' differences from integer multiples of it, in steps (0.29 where there is no
-        grid); number of distinct values.
-    """
+    """Step of the grid that values lie on; rms distance of the values' differences from integer multiples of it, in
+    steps (0.29 where there is no grid); number of distinct values, those closer than `same` being one."""
     ordered = np.sort(values)
     differences = np.diff(ordered)
     differences = differences[differences > 2 * same]

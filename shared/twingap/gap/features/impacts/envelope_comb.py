@@ -19,34 +19,22 @@ import numpy as np
 import scipy.fft
 from numpy.typing import NDArray
 
+from twingap.records import Array
 from twingap.signal.record_transforms import RecordTransforms, band_medians, medians
 
-Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
 SEARCH: Final = 0.06
 """Largest log ratio of the impact rate to the kinematic one that is searched: wrong speed and slip together."""
-
 HARMONICS: Final = 8
 """Lines of the comb that count in the search: more help sharp combs and hurt smeared ones."""
-
 EVIDENCE: Final = 10.0
 """Log likelihood ratio of the comb from which impacts are tracked; white noise reaches 7 in one record of a hundred."""
 
 
 @dataclass(frozen=True)
 class BandSignal:
-    """Analytic signal of the frame's band, moved down by `low_hz`.
-
-    Attributes
-    ----------
-    z : Complex [m]
-        In the unit of the records.
-    fs_hz : float
-        Its sampling rate, Hz.
-    low_hz : float
-        Frequency that has become 0, Hz.
-    """
+    """Analytic signal z of the frame's band, its sampling rate, and the frequency that has become 0."""
 
     z: Complex
     fs_hz: float
@@ -57,18 +45,8 @@ class BandSignal:
 class Comb:
     """Lines of the impacts in the spectrum of the squared envelope.
 
-    Attributes
-    ----------
-    rate_hz : float
-        Best impact rate, Hz.
-    evidence : float
-        Log likelihood ratio of lines against none, over all harmonics.
-    lines : Complex [bins]
-        rfft of the squared envelope less its mean.
-    floor : Array [bins]
-        Mean of |lines|^2 between lines.
-    df_hz : float
-        Distance of the bins, Hz.
+    Best impact rate; log likelihood ratio of lines against none, over all harmonics; `lines` [bins], rfft of the
+    squared envelope less its mean; `floor` [bins], mean of |lines|^2 between lines; distance of the bins.
     """
 
     rate_hz: float
@@ -80,30 +58,17 @@ class Comb:
 
 @dataclass(frozen=True)
 class Track:
-    """Smooth course of the impact rate.
-
-    Attributes
-    ----------
-    rate_hz : float
-        Mean impact rate, Hz.
-    grid_s, phase : Array [grid]
-        Passes since the record's start over time: rate_hz grid_s + wander.
-    before, after : Array [4]
-        |line|^2 of harmonics 1..4 of the squared envelope at constant rate, and along the track, over the mean squared
-        envelope squared.
-    floor : Array [4]
-        The same of noise.
-    window_passes : float
-        Passes over which the phase was smoothed; infinite for a constant rate.
-    """
+    """Smooth course of the impact rate, whose mean is `rate_hz`."""
 
     rate_hz: float
-    grid_s: Array
+    grid_s: Array  # [grid] passes since the record's start over time: rate_hz grid_s + wander
     phase: Array
+    # [4] |line|^2 of harmonics 1..4 of the squared envelope at constant rate, and along the track, over the mean
+    # squared envelope squared.
     before: Array
     after: Array
-    floor: Array
-    window_passes: float
+    floor: Array  # [4] the same of noise
+    window_passes: float  # passes over which the phase was smoothed; infinite for a constant rate
 
 
 def band_signal(record: RecordTransforms) -> BandSignal:
@@ -118,7 +83,7 @@ def find_comb(band: BandSignal, kinematic_hz: float) -> Comb | None:
     The mean excess e of n bins over the floor has the log likelihood ratio n (e - 1 - log e) against noise; each
     harmonic counts with the logarithm of it, so that no single tone outweighs a comb.
     """
-    squared = band.z.real**2 + band.z.imag**2
+    squared = _square(band.z)
     mean = float(squared.mean())
     if not mean > 0:
         return None
@@ -126,7 +91,7 @@ def find_comb(band: BandSignal, kinematic_hz: float) -> Comb | None:
     df = band.fs_hz / squared.size
     top = int(min(kinematic_hz * (HARMONICS + 0.6) * np.exp(SEARCH) / df, lines.size - 1))
     lines = lines[: top + 1]
-    power = lines.real**2 + lines.imag**2
+    power = _square(lines)
     count = max(min(power.size // 48, 200), 1)
     per = power.size // count
     if per < 8:
@@ -238,8 +203,7 @@ def track(comb: Comb, duration_s: float) -> Track | None:
             # d(phase) by least squares; the sine of the angle keeps noise bounded.
             error = (k[:, None] * (np.conj(mean) * turned).imag).sum(axis=0) / max(float(weight), 1e-300)
             wander = wander + _smooth(error.astype(complex), window * size / passes).real.clip(-1, 1)
-    pad = np.full(4, np.nan)
-    before, after, noise = pad.copy(), pad.copy(), pad.copy()
+    before, after, noise = np.full((3, 4), np.nan)
     before[: k.size], after[: k.size], noise[: k.size] = kept, _power(lines, k, wander), floor
     course = rate * grid + wander / (2 * np.pi)
     # The mean rate over the record, from the course at both of its ends.
@@ -262,11 +226,11 @@ def _fine_shift(lines: Complex, k: Array, floor: Array, grid: Array, df_hz: floa
     return centre
 
 
-def _turns(rates: Array, grid: Array, every: int = 16) -> Complex:
+def _turns(rates: Array, grid: Array) -> Complex:
     """[rates, grid] exp(i rate t) on an even grid: few exponentials, the rest are products of two."""
     step = float(grid[1] - grid[0]) if grid.size > 1 else 0.0
-    fine = np.exp(1j * rates[:, None] * (step * np.arange(every)))
-    coarse = np.exp(1j * rates[:, None] * grid[::every])
+    fine = np.exp(1j * rates[:, None] * (step * np.arange(16)))
+    coarse = np.exp(1j * rates[:, None] * grid[::16])
     return np.asarray((coarse[:, :, None] * fine[:, None, :]).reshape(rates.size, -1)[:, : grid.size])
 
 
@@ -324,8 +288,8 @@ def _best_path(power: Array, penalty: Array) -> NDArray[np.int64]:
 
 def _power(lines: Complex, k: Array, phase: Array) -> Array:
     """[harmonics] |mean|^2 of the lines along a phase."""
-    turn = np.exp(-1j * phase)
-    turned, sums = turn, np.empty(k.size, np.complex128)
+    turned = turn = np.exp(-1j * phase)
+    sums = np.empty(k.size, np.complex128)
     for i in range(k.size):  # k is 1, 2, ...
         turned = turned * turn if i else turn
         sums[i] = lines[i] @ turned

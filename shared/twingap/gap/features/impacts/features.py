@@ -16,13 +16,11 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import nnls
 
 from twingap.gap.features.impacts import envelope_comb, impact_pairs, impacts
+from twingap.records import Array
 from twingap.signal.record_transforms import RecordTransforms, medians
-
-Array = NDArray[np.float64]
 
 NAMES: Final[tuple[str, ...]] = (
     "evidence", "rate_log_ratio", "shaft_log_ratio", "harmonic_1", "harmonic_2", "harmonic_3", "harmonic_4",
@@ -34,10 +32,8 @@ NAMES: Final[tuple[str, ...]] = (
     "phase_lock", "level", "snr",
 )  # fmt: skip
 """Keys of `measure`. Natural logs where the name ends in log, level, snr, gain or evidence."""
-
 _TIMING_FLOOR: Final = 1e-3
 """Floor of timing spreads in their logarithms, passes. A smaller value takes measurement noise for differences."""
-
 _STRENGTH_FLOOR: Final = 0.02
 """The same for relative strength spreads."""
 

@@ -1,4 +1,4 @@
-"""Entry-exit comb: modulation over harmonics of the impact rate by a second impact, from all records of a set together.
+"""Second impact on a defect, seen as a comb over the harmonics of the impact rate in all records of a set together.
 
 power around each harmonic (`ImpactSpectrum`), measured and simulated, of every record
     --mean over the records of a fault, weighted by their clarity--> ratio over harmonics
@@ -17,14 +17,12 @@ from typing import Final, NamedTuple
 
 import numpy as np
 import scipy.fft
-from numpy.typing import NDArray
 
 from twingap.bearing import Bearing
 from twingap.gap.features.impacts.impulse_response import ImpactSpectrum, standing_out
-from twingap.gap.features.impacts.smooth_path import highest, log_likelihood_ratios
+from twingap.gap.features.impacts.smooth_path import CANDIDATES, GRID, highest, log_likelihood_ratios
+from twingap.records import Array
 from twingap.signal.record_transforms import mean_of_five
-
-Array = NDArray[np.float64]
 
 _KINDS: Final = ("clear", "faint")
 NAMES: Final[tuple[str, ...]] = tuple(
@@ -39,10 +37,6 @@ that are ("faint")."""
 
 _LEAST_PART: Final = 0.01
 """Shortest delay between the two impacts, part of a pass; the longest is half a pass, beyond which combs repeat."""
-_GRID: Final = 8
-"""Delays per harmonic that are searched: combs are the sharper, the more harmonics there are."""
-_CANDIDATES: Final = 12
-"""Delays of either sign for which the full comb is fitted: those where its first term is strongest."""
 _RATIOS: Final = (0.1, 0.2, 0.35, 0.6, 0.9)
 """Second impact over first, as tried; beyond 1 combs repeat."""
 _NOISE: Final = 0.01
@@ -75,25 +69,20 @@ class _Ratio(NamedTuple):
 def compare(
     real: Sequence[ImpactSpectrum], simulated: Sequence[ImpactSpectrum], bearing: Bearing, noise: Array | None = None
 ) -> dict[str, float]:
-    """Combs in the ratio of measured to simulated power over harmonics.
+    """`NAMES` -> value of combs in the ratio of measured to simulated power over harmonics; NaN where it is not known.
+
+    `known` ln of the number of harmonics; `gain` ln of what is left without a comb over what the best one leaves;
+    `score` ln(1 + gain root of known); `same`, `opposed` the gain where the second impact has the sign of the first or
+    the other; `arc_log` ln deg, `ratio` signed. `smooth_path_gain` ln(1 + log likelihood ratio) of the best comb where
+    the path may be any smooth curve, `smooth_path_ratio` its ratio.
 
     Parameters
     ----------
     real, simulated : sequence of ImpactSpectrum
         Of all records.
-    bearing : Bearing
     noise : Array [impulse_response.PLACES], optional
         ln of the measured over the simulated spectrum of noise, which passes the same path: what the ratio of impacts
         shares with it is taken out.
-
-    Returns
-    -------
-    dict[str, float]
-        `NAMES` -> value, NaN where it is not known. `known` ln of the number of harmonics; `gain` ln of what is left
-        without a comb over what the best one leaves; `score` ln(1 + gain root of known); `same`, `opposed` the gain
-        where the second impact has the sign of the first or the other; `arc_log` ln deg, `ratio` signed.
-        `smooth_path_gain` ln(1 + log likelihood ratio) of the best comb where the path may be any smooth curve,
-        `smooth_path_ratio` its ratio.
     """
     out = dict.fromkeys(NAMES, math.nan)
     faults = sorted({s.fault for s in real} & {s.fault for s in simulated})
@@ -161,14 +150,14 @@ def _explained(ratio: _Ratio) -> _Explained:
     target = target - basis @ (basis.T @ target)
     energy = float(target @ target)
     # ln |1 + r exp(i k a)|^2 = 2 r cos(k a) - r^2 cos(2 k a) + ...: delays where the first term is strong.
-    size = scipy.fft.next_fast_len(_GRID * ratio.weight.size)
+    size = scipy.fft.next_fast_len(GRID * ratio.weight.size)
     weighted = np.zeros(size)
     weighted[seen + 1] = root * target
     first = scipy.fft.rfft(weighted).real[: size // 2 + 1]
     least = max(int(np.ceil(_LEAST_PART * size)), 1)
     left, part = np.zeros((2, 2, len(_RATIOS)))
     for row, sign in enumerate((1.0, -1.0)):
-        at = least + highest(sign * first[least:], _CANDIDATES)
+        at = least + highest(sign * first[least:], CANDIDATES)
         phase = np.exp(2j * np.pi * np.outer(at / size, seen + 1))
         combs = np.array([np.abs(1 + sign * r * phase) ** 2 for r in _RATIOS])
         combs = root * np.log(combs + ratio.noise[seen])

@@ -1,4 +1,4 @@
-"""Entry and exit impacts of a pass: test for two copies of one response in the mean waveform, with delay and ratio.
+"""Entry and exit impacts on a defect: test for two copies of one response in the mean waveform, with delay and ratio.
 
 samples, impact times -> mean waveform of a pass, sub-sample aligned -> all-pole model of its tail -> inverse filter
     -> two-pulse fit over all delays -> gain over one pulse, delay, ratio
@@ -18,42 +18,27 @@ import scipy.fft
 from numpy.typing import NDArray
 
 from twingap.gap.features.impacts.impacts import PHASES, Impacts
+from twingap.records import Array
 from twingap.signal.record_transforms import RecordTransforms, mean_of_five, medians, taper
 
-Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
 FINEST_SAMPLES: Final = 2.0
 """Shortest delay that is searched, samples; below it, two impacts cannot be distinguished from one."""
-
 UPSAMPLE: Final = 4
 """Delays per sample: more are finer and slower."""
-
 TOLERANCE: Final = 0.02
 """Part of the spectrum that a model of two poles may miss; without it, frequencies with little noise dominate."""
-
 EDGE: Final = 8
 """Samples at either end of a waveform that alignment by parts of a sample spoils."""
-
 LEAD: Final = 0.34
 """Part of the mean waveform before the impact, so that an earlier impact of the same pass lies in it too."""
-
 FINEST_DEG: Final = 0.4
 """Shortest arc that is searched, degrees; the longest takes nearly half a pass."""
 
 
 def measure_second_impact(record: RecordTransforms, seen: Impacts, rate_hz: float, out: dict[str, float]) -> None:
-    """Fill `second_impact_gain`, `arc_deg`, `arc_log`, `exit_ratio` and `cycle_*`.
-
-    Parameters
-    ----------
-    record : RecordTransforms
-    seen : Impacts
-    rate_hz : float
-        Impacts per second.
-    out : dict
-        Filled in place.
-    """
+    """Fill `second_impact_gain`, `arc_deg`, `arc_log`, `exit_ratio` and `cycle_*`; `rate_hz` is of the impacts."""
     shaft_hz = rate_hz / float(record.fault_order or np.nan)
     deg_per_s = 360 * shaft_hz * _body_rate(record)
     out["cycle_width_deg"] = float(np.log(max(_width(seen.cycle), 0.2 / PHASES) / rate_hz * deg_per_s))
@@ -201,26 +186,25 @@ def _pair(
 
 
 def _peak(energy: Array, j: int, delays: NDArray[np.int64]) -> float:
-    """Place of a maximum, by a parabola."""
+    """Delay at a maximum of the energy, by a parabola."""
     if not 0 < j < energy.size - 1 or energy[j - 1] <= 0 or energy[j + 1] <= 0:
         return float(delays[j])
     left, middle, right = energy[j - 1 : j + 2]
     return float(delays[j] + np.clip(0.5 * (right - left) / max(2 * middle - left - right, 1e-300), -0.5, 0.5))
 
 
-def _predictor(waveform: Array, start: int, order: int = 2) -> Array | None:
-    """[1 + order] Inverse filter of the path, 1 + a1 z^-1 + ...: least squares on the ring-down from `start` on.
+def _predictor(waveform: Array, start: int) -> Array | None:
+    """[3] Inverse filter of the path, 1 + a1 z^-1 + a2 z^-2: least squares on the ring-down from `start` on.
 
     Impacts are short and ring-down is long: predictions fail only at impacts, so the largest errors are left out and
     the rest is fitted again.
     """
-    columns = [waveform[order - i - 1 : waveform.size - i - 1] for i in range(order)]
-    design, target = np.stack(columns, axis=1), waveform[order:]
-    design, target = design[max(start - order, 0) :], target[max(start - order, 0) :]
+    design, target = np.stack((waveform[1:-1], waveform[:-2]), axis=1), waveform[2:]
+    design, target = design[max(start - 2, 0) :], target[max(start - 2, 0) :]
     keep = np.ones(target.size, bool)
-    solution: Array = np.zeros(order)
+    solution: Array = np.zeros(2)
     for _ in range(3):
-        if keep.sum() < 4 * order:
+        if keep.sum() < 8:
             return None
         solution = np.asarray(np.linalg.lstsq(design[keep], target[keep], rcond=None)[0], float)
         miss = np.abs(target - design @ solution)
@@ -231,9 +215,9 @@ def _predictor(waveform: Array, start: int, order: int = 2) -> Array | None:
 
 def _body_rate(record: RecordTransforms) -> float:
     """Turns of the body with the defect past the roller per turn of the shaft (see `effects.EntryExit`)."""
-    fault, cage = str(record.condition.fault), record.bearing.ftf
+    cage = record.bearing.ftf
     rates = {"outer": cage, "inner": 1 - cage, "ball": record.bearing.bsf, "cage": 1 - cage}
-    return rates[fault]
+    return rates[str(record.condition.fault)]
 
 
 def _width(cycle: Array) -> float:

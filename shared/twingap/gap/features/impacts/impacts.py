@@ -18,50 +18,31 @@ import scipy.fft
 from numpy.typing import NDArray
 
 from twingap.gap.features.impacts.envelope_comb import BandSignal, Track
+from twingap.records import Array
 from twingap.signal.record_transforms import medians
 
-Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
 PHASES: Final = 96
 """Bins of a pass in the mean cycle."""
-
 _FEWEST: Final = 8
 """Impacts that a record must have: with fewer, the common waveform is mostly noise."""
 
 
 @dataclass(frozen=True)
 class Impacts:
-    """All impacts of a record.
+    """All impacts of a record."""
 
-    Attributes
-    ----------
-    number : Array [N]
-        Number of passes since the first impact.
-    time_s : Array [N]
-        Time of each, s since the record's start (up to a constant).
-    strength : Array [N]
-        Root energy of each in the band: output of the matched filter of unit energy, in unit sqrt(samples of z).
-    noise : float
-        Mean square output of the filter between the impacts.
-    time_error_s, strength_error : Array [N]
-        Errors due to noise, drawn once for each impact.
-    strength_clean : Array [N]
-        Strength less the noise; what `strength_error` was drawn about.
-    cycle : Array [PHASES]
-        Mean squared envelope over a pass, its peak at bin PHASES // 4.
-    phase_locked : float
-        Length of the mean of carrier phases at the impacts, 0 to 1: 1 where all impacts are true copies.
-    """
-
-    number: Array
-    time_s: Array
+    number: Array  # [N] number of passes since the first impact
+    time_s: Array  # [N] time of each, s since the record's start (up to a constant)
+    # [N] Root energy of each in the band: output of the matched filter of unit energy, in unit sqrt(samples of z).
     strength: Array
-    noise: float
-    time_error_s: Array
+    noise: float  # mean square output of the filter between the impacts
+    time_error_s: Array  # [N] errors due to noise, drawn once for each impact
     strength_error: Array
-    strength_clean: Array
-    cycle: Array
+    strength_clean: Array  # [N] strength less the noise; what `strength_error` was drawn about
+    cycle: Array  # [PHASES] mean squared envelope over a pass, its peak at bin PHASES // 4
+    # Length of the mean of carrier phases at the impacts, 0 to 1: 1 where all impacts are true copies.
     phase_locked: float
 
 
@@ -75,7 +56,9 @@ def measure_impacts(band: BandSignal, course: Track) -> Impacts | None:
     spacing = fs / course.rate_hz
     if spacing < 6:
         return None
-    phase = _extended(course, np.arange(z.size) / fs)
+    # Passes at each sample; beyond the ends of the track's grid at the mean rate.
+    t = np.arange(z.size) / fs
+    phase = course.rate_hz * t + np.interp(t, course.grid_s, course.phase - course.rate_hz * course.grid_s)
     bins = np.minimum(((phase - np.floor(phase)) * PHASES).astype(int), PHASES - 1)
     hits = np.maximum(np.bincount(bins, minlength=PHASES), 1)
     cycle = np.bincount(bins, weights=squared, minlength=PHASES) / hits
@@ -137,22 +120,8 @@ def measure_impacts(band: BandSignal, course: Track) -> Impacts | None:
         angle = np.angle((ideal * turn)[rows, top] * np.exp(2j * np.pi * carrier * (place_off - used[top]) / fs))
         error = place_off - angle / (2 * np.pi * carrier / fs)
     return Impacts(
-        numbers - numbers[0],
-        tau / fs,
-        strength,
-        noise,
-        error / fs,
-        strength_off - clean,
-        clean,
-        cycle,
-        locked,
+        numbers - numbers[0], tau / fs, strength, noise, error / fs, strength_off - clean, clean, cycle, locked
     )
-
-
-def _extended(course: Track, t: Array) -> Array:
-    """Phase of the train at any time of the record, passes; beyond the grid's ends at the mean rate."""
-    wander = course.phase - course.rate_hz * course.grid_s
-    return np.asarray(course.rate_hz * t + np.interp(t, course.grid_s, wander))
 
 
 def _extent(cycle: Array) -> tuple[float, float]:

@@ -18,9 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twingap.gap.features.tones.tones import lines_of
+from twingap.records import Array
 from twingap.signal.record_transforms import RecordTransforms, once_a_record
-
-Array = NDArray[np.float64]
 
 PLACES: Final = 64
 """Equal bands between 0 and half the sampling rate."""
@@ -47,37 +46,21 @@ COMPARED: Final[tuple[str, ...]] = (
 
 
 class ImpactSpectrum(NamedTuple):
-    """Spectrum of the impacts in a record.
-
-    Parameters
-    ----------
-    fault : str
-    power : Array [harmonics]
-        Around each harmonic less the noise beneath, over scale^2; may be negative by chance.
-    error : Array [harmonics]
-        Standard error of each.
-    places : NDArray [harmonics]
-        Band of each.
-    density : Array [PLACES]
-        Mean power density, noise included, over scale^2 and times the sampling rate.
-    """
+    """Spectrum of the impacts in a record."""
 
     fault: str
-    power: Array
-    error: Array
-    places: NDArray[np.int64]
-    density: Array
+    power: Array  # [harmonics] around each harmonic less the noise beneath, over scale^2; may be negative by chance
+    error: Array  # [harmonics] standard error of each
+    places: NDArray[np.int64]  # [harmonics] band of each
+    density: Array  # [PLACES] mean power density, noise included, over scale^2 and times the sampling rate
 
 
 def measure(record: RecordTransforms) -> dict[str, float]:
-    """Features of the impacts' spectrum in one record.
+    """`NAMES` -> value of the impacts' spectrum in one record.
 
-    Returns
-    -------
-    dict[str, float]
-        `power_log` log10 of its RMS over scale, `clear` part of its harmonics that stand out of the noise,
-        `centroid_log` log10 of their centre as a part of the sampling rate, `high_log` log10 of the power above a
-        quarter of the sampling rate over that below.
+    `power_log` log10 of its RMS over scale, `clear` part of its harmonics that stand out of the noise, `centroid_log`
+    log10 of their centre as a part of the sampling rate, `high_log` log10 of the power above a quarter of the sampling
+    rate over that below.
     """
     out = dict.fromkeys(NAMES, math.nan)
     found = impact_spectrum(record)
@@ -153,18 +136,10 @@ def standing_out(power: Array, error: Array, clear: float = _CLEAR) -> Array:
 def compare(
     real: Sequence[ImpactSpectrum], simulated: Sequence[ImpactSpectrum], noise: Array | None
 ) -> dict[str, float]:
-    """Ratio of measured to simulated impact spectra, as features.
+    """`COMPARED` -> value of the ratio of measured to simulated impact spectra; NaN where it is not known.
 
-    Parameters
-    ----------
-    real, simulated : sequence of ImpactSpectrum
-    noise : Array [PLACES] or None
-        ln of the measured over the simulated spectrum of healthy records.
-
-    Returns
-    -------
-    dict[str, float]
-        `COMPARED` -> value, NaN where it is not known. Ratios are log10, frequencies parts of the sampling rate.
+    Ratios are log10, frequencies parts of the sampling rate. `noise` [PLACES] is ln of the measured over the simulated
+    spectrum of healthy records.
     """
     out = dict.fromkeys(COMPARED, math.nan)
     faults = sorted({s.fault for s in real} & {s.fault for s in simulated})

@@ -1,4 +1,4 @@
-"""Effect of a further mode, in parallel with a path known from its spectra, on noise and impacts.
+"""Change of noise and impact spectra by one more structural mode, in parallel with a path known from its spectra.
 
 simulated spectrum less its white noise --least phase--> response of the path, complex
     --one more mode g H2 added--> |1 + g H2 / H|^2 on what has passed the path, white noise left alone
@@ -19,7 +19,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from twingap.records import Array
+
 Complex = NDArray[np.complex128]
 Values = tuple[float, float, float]
 
@@ -80,18 +81,9 @@ class Path:
 
 
 def ring_down_response(f: Array, place: Array | float, damping: Array | float) -> Complex:
-    """Minimum-phase response of sampled ring-down, about 1 at its peak.
+    """Minimum-phase response of sampled ring-down, about 1 at its peak; frequencies are parts of the sampling rate.
 
     The delay of one sample is left out here and in `least_phase`; it cancels in their ratio.
-
-    Parameters
-    ----------
-    f : Array [...]
-        Parts of the sampling rate.
-    place : Array [...] or float
-        Natural frequency, the same.
-    damping : Array [...] or float
-        Damping ratio.
     """
     w, turn = 2 * math.pi * place, np.exp(-2j * np.pi * f)
     decay, angle = np.exp(-damping * w), w * np.sqrt(1 - damping**2)

@@ -8,9 +8,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from twingap.records import Array
 
 
 def continuous(f: Array, mode: float) -> Array:
@@ -19,18 +18,7 @@ def continuous(f: Array, mode: float) -> Array:
     Samples of exp(s t), s = j theta fs, are the response 1 / (2 (cos(2 pi f) - cos(theta))) to a force on the grid of
     samples. The response of a structure to a continuous force is 1 / (1 - (f / mode)^2), which falls more steeply
     beyond the mode (impulse invariance: Oppenheim and Schafer, Discrete-Time Signal Processing, 2010, ch. 7).
-
-    Parameters
-    ----------
-    f : Array
-        Frequencies, parts of the sampling rate.
-    mode : float
-        Of the mode, the same; between 0 and 0.5.
-
-    Returns
-    -------
-    Array
-        Natural logarithms of a power ratio, one a frequency.
+    Frequencies are parts of the sampling rate.
     """
     theta, w = 2 * np.pi * mode, 2 * np.pi * np.asarray(f)
     w = np.where(np.abs(w - theta) < 1e-3, theta + 1e-3, w)  # at the mode both are the same

@@ -1,4 +1,4 @@
-"""Combs over harmonics where the path's gain may be any smooth curve: log likelihood ratios from a Gaussian process.
+"""Evidence for a second impact on a defect where the transmission path's gain may be any smooth curve.
 
 ln of measured over simulated power of harmonics --covariance of a smooth path, most likely length and size-->
     whitened, straight lines taken out --each comb |1 + r exp(i k a)|^2 whitened alike--> log likelihood ratio
@@ -17,18 +17,18 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 
-Array = NDArray[np.float64]
+from twingap.records import Array
 
 _LENGTHS: Final = (1.5, 4.0, 10.0)
 """Correlation lengths of the path that are tried, harmonics."""
 _SIZES: Final = (0.2, 1.0, 4.0, 16.0, 64.0)
 """Variances of the path that are tried, over that of a harmonic of full weight."""
-_GRID: Final = 8
-"""Delays per harmonic that are searched."""
+GRID: Final = 8
+"""Delays per harmonic that are searched: combs are the sharper, the more harmonics there are."""
 _FINEST: Final = 200
-"""Harmonics up to which the grid of delays gets finer; `_GRID` delays each. More are finer and slower."""
-_CANDIDATES: Final = 12
-"""Delays of either sign for which the full comb is fitted."""
+"""Harmonics up to which the grid of delays gets finer. More are finer and slower."""
+CANDIDATES: Final = 12
+"""Delays of either sign for which the full comb is fitted: those where its first term is strongest."""
 _LEAST: Final = 1e-3
 """Least mean square of a fit: keeps the logarithm finite."""
 
@@ -73,13 +73,13 @@ def log_likelihood_ratios(
         white = solve_triangular(root, curves, lower=True, check_finite=False)
         return np.asarray(white - basis @ (basis.T @ white))
 
-    parts = np.arange(least_part, 0.5, 1 / (_GRID * min(weight.size, _FINEST)))
+    parts = np.arange(least_part, 0.5, 1 / (GRID * min(weight.size, _FINEST)))
     # ln |1 + r exp(i k a)|^2 = 2 r cos(k a) - ...: delays where the first term is strong.
     first = held(np.cos(2 * np.pi * np.outer(harmonic, parts)))
     strong = (target @ first) / np.sqrt(np.maximum((first**2).sum(axis=0), 1e-12))
     out = np.zeros((2, ratios.size))
     for row, sign in enumerate((1.0, -1.0)):
-        at = parts[highest(sign * strong, _CANDIDATES)]
+        at = parts[highest(sign * strong, CANDIDATES)]
         phase = np.exp(2j * np.pi * np.outer(harmonic, at))
         for column, ratio in enumerate(ratios):
             combs = held(np.log(np.abs(1 + sign * ratio * phase) ** 2 + noise[seen, None]))

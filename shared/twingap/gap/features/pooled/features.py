@@ -14,15 +14,13 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from twingap.gap.features.impacts import impact_pair_comb
 from twingap.gap.features.impacts.impulse_response import PLACES, ImpactSpectrum
 from twingap.gap.features.pooled import lines, trends
 from twingap.gap.features.pooled.trends import Levels
 from twingap.gap.features.spectrum.record_summary import RecordSummary
-
-Array = NDArray[np.float64]
+from twingap.records import Array
 
 
 @dataclass(frozen=True)

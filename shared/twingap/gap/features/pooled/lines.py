@@ -11,13 +11,10 @@ from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from twingap.bearing import Bearing
 from twingap.gap.features.tones import carrier, gear_mesh, race_waviness
 from twingap.gap.features.tones.whitened_spectra import MOST_Z, Mean, Whitened, combined_z, max_z
-
-Array = NDArray[np.float64]
 
 NAMES: Final = (
     "mains_50_1", "mains_50_max", "mains_50_all", "mains_60_1", "mains_60_max", "mains_60_all",

@@ -19,9 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twingap.gap.features.spectrum.record_summary import RecordSummary
-from twingap.records import Condition
-
-Array = NDArray[np.float64]
+from twingap.records import Array, Condition
 
 FEWEST: Final = 4
 """Records below which no slope is computed."""
@@ -51,20 +49,12 @@ regressed out; `speed_harmonics`, `time_harmonics`: of the power at the harmonic
 
 @dataclass(frozen=True)
 class Levels:
-    """Levels of records, measured and simulated under the same conditions.
-
-    Parameters
-    ----------
-    conditions : tuple of Condition
-    measured, simulated : Array [records]
-        RMS about the mean, in one unit.
-    at_harmonics : Array [records]
-        ln of measured over simulated amplitude at harmonics of the impact rate; NaN where either is below the noise.
-    """
+    """Levels of records, measured and simulated under the same conditions."""
 
     conditions: tuple[Condition, ...]
-    measured: Array
+    measured: Array  # [records] RMS about the mean, in one unit
     simulated: Array
+    # [records] ln of measured over simulated amplitude at harmonics of the impact rate; NaN below the noise.
     at_harmonics: Array
 
     @classmethod

@@ -9,13 +9,10 @@ import math
 
 import numpy as np
 import scipy.fft
-from numpy.typing import NDArray
 
 from twingap.gap.features.tones.envelope_lines import fault_hz
 from twingap.gap.features.tones.tones import lines_of
 from twingap.signal.record_transforms import RecordTransforms, band_medians, medians
-
-Array = NDArray[np.float64]
 
 
 def measure_ripple(record: RecordTransforms, out: dict[str, float]) -> None:

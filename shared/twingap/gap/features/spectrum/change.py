@@ -14,19 +14,17 @@ number of modes, since what both sides share cancels.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from twingap.gap.features.impacts.parallel_mode import Path
 from twingap.gap.features.impacts.response_sampling import continuous
 from twingap.gap.features.spectrum.record_summary import RecordSummary, log_bands
 from twingap.gap.features.spectrum.smooth_shape import mode_shape
+from twingap.records import Array
 from twingap.signal.record_transforms import mean_of_five
-
-Array = NDArray[np.float64]
 
 NOISE_BANDS: Final = 128
 """Bands of noise spectra: more resolve sharper changes, each with more noise."""
@@ -73,9 +71,14 @@ class _Best(NamedTuple):
 
 
 def compare(
-    real: Sequence[RecordSummary], simulated: Sequence[RecordSummary], *, same_sampling: bool = False
+    real: Sequence[RecordSummary], simulated: Sequence[RecordSummary], same_sampling: bool = False
 ) -> dict[str, float]:
-    """Fits of single changes of the simulated spectra to the measured ones.
+    """`NAMES` -> value of fits of single changes of the simulated spectra to the measured ones; NaN without pairs.
+
+    `base_cost`: log misfit per band with levels and sampling alone; `best_cost`: with the best change; `tilt`,
+    `continuous`: difference in the sampling of the response. Gains are ln(1 + reduction of the misfit), leads a gain
+    less that of the best rival. Frequencies are logarithms of parts of the sampling rate, heights natural logarithms of
+    a power ratio. `_noise` and `_impacts`: change of the noise spectrum, and of the spectrum of records with impacts.
 
     Parameters
     ----------
@@ -83,15 +86,6 @@ def compare(
         Of the same conditions, in the same order.
     same_sampling : bool
         Whether the response is sampled alike on both sides, as where the user's simulator is of this machine.
-
-    Returns
-    -------
-    dict[str, float]
-        `NAMES` -> value; NaN without pairs. `base_cost`: log misfit per band with levels and sampling alone;
-        `best_cost`: with the best change; `tilt`, `continuous`: difference in the sampling of the response. Gains are
-        ln(1 + reduction of the misfit), leads a gain less that of the best rival. Frequencies are logarithms of parts
-        of the sampling rate, heights natural logarithms of a power ratio. `_noise` and `_impacts`: change of the noise
-        spectrum, and of the spectrum of records with impacts.
     """
     out = dict.fromkeys(NAMES, math.nan)
     pairs = _Pairs.of(real, simulated, same_sampling)
@@ -109,17 +103,17 @@ def compare(
     out["best_cost"] = math.log(min(best.cost for best in found.values()) / pairs.count + 1e-3)
     place, damping, noise, impacts = found["mode"].at
     out["mode_fs"], out["mode_damping"] = math.log(place), math.log(damping)
-    out["mode_noise"], out["mode_impacts"] = _heights(found["mode"].curve)
+    out["mode_noise"], out["mode_impacts"] = _each(np.max, found["mode"].curve)
     out["mode_balance"] = pairs.proportion(noise, impacts)
     low, high, level_of = found["band"].at
     out["band_low"], out["band_high"] = math.log(max(low, 1e-3)), math.log(high)
     out["band_level"] = 0.5 * math.log(max(level_of * (high - low), 1e-8))
-    out["band_noise"], out["band_impacts"] = _heights(found["band"].curve)
+    out["band_noise"], out["band_impacts"] = _each(np.max, found["band"].curve)
     out["power_law_exponent"], level_of = found["power_law"].at
     out["power_law_level"] = 0.5 * math.log(max(level_of, 1e-8))
-    out["power_law_noise"] = _heights(found["power_law"].curve)[0]
+    out["power_law_noise"], _ = _each(np.max, found["power_law"].curve)
     out["rolloff_corner"], out["rolloff_order"] = math.log(found["rolloff"].at[0]), found["rolloff"].at[1]
-    out["rolloff_noise"], out["rolloff_impacts"] = (float(v) for v in _lows(found["rolloff"].curve))
+    out["rolloff_noise"], out["rolloff_impacts"] = _each(np.min, found["rolloff"].curve)
     parallel = pairs.parallel()
     gain = math.log1p(max(base - parallel.cost, 0.0))
     out["parallel_gain"] = gain
@@ -128,17 +122,14 @@ def compare(
     out["parallel_cost"] = math.log(parallel.cost / pairs.count + 1e-3)
     place, damping, out["parallel_strength"] = parallel.at
     out["parallel_fs"], out["parallel_damping"] = math.log(place), math.log(damping)
-    out["parallel_noise"], out["parallel_impacts"] = _heights(parallel.curve)
-    out["parallel_noise_low"], out["parallel_impacts_low"] = _lows(parallel.curve)
+    out["parallel_noise"], out["parallel_impacts"] = _each(np.max, parallel.curve)
+    out["parallel_noise_low"], out["parallel_impacts_low"] = _each(np.min, parallel.curve)
     return {name: value if math.isfinite(value) else math.nan for name, value in out.items()}
 
 
-def _heights(curve: Array) -> tuple[float, float]:
-    return float(curve[:NOISE_BANDS].max()), float(curve[NOISE_BANDS:].max())
-
-
-def _lows(curve: Array) -> tuple[float, float]:
-    return float(curve[:NOISE_BANDS].min()), float(curve[NOISE_BANDS:].min())
+def _each(extreme: Callable[[Array], float], curve: Array) -> tuple[float, float]:
+    """Extreme of the noise spectrum's part of a curve, and of that of records with impacts."""
+    return float(extreme(curve[:NOISE_BANDS])), float(extreme(curve[NOISE_BANDS:]))
 
 
 _SIDES: Final = (slice(0, NOISE_BANDS), slice(NOISE_BANDS, BANDS))
@@ -157,9 +148,7 @@ class _Pairs:
         self.f = np.concatenate([(np.arange(n) + 0.5) / (2 * n) for n in (NOISE_BANDS, IMPACT_BANDS)])
         weight = np.where(self.known, 1 / error, 0.0)
         noise = np.arange(BANDS) < NOISE_BANDS
-        self.white = np.where(
-            noise, np.quantile(base[:NOISE_BANDS], 0.03), np.quantile(base[NOISE_BANDS:], 0.03)
-        ).astype(float)
+        self.white = np.repeat([np.quantile(base[side], 0.03) for side in _SIDES], (NOISE_BANDS, IMPACT_BANDS))
         log = np.log(base)
         slope = np.concatenate([np.gradient(log[side], np.log(self.f[side])) for side in (noise, ~noise)])
         behind = np.minimum(self.white / base, 1.0)

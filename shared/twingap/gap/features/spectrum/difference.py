@@ -8,9 +8,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import lru_cache
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,9 +17,8 @@ from numpy.typing import NDArray
 from twingap._compiled import njit
 from twingap.gap.features.spectrum.record_summary import SmoothSpectrum, log_bands
 from twingap.gap.features.spectrum.smooth_shape import bump, mode_shape, slope_of
+from twingap.records import Array
 from twingap.signal.record_transforms import medians
-
-Array = NDArray[np.float64]
 
 # Grids of the fitted shapes: finer ones explain a little more of a difference, and take longer.
 _CENTRES, _DAMPINGS, _GAINS = np.geomspace(0.015, 0.48, 40), np.geomspace(0.01, 0.2, 5), np.geomspace(0.03, 100, 10)
@@ -36,31 +34,24 @@ _OF_SET: Final = (
     "mode_share", "mode_fs", "mode_damping_log", "rolloff_share", "rolloff_corner_fs", "rolloff_order", "added_share",
     "added_level", "added_slope", "added_low_fs", "added_high_fs", "rest_share",
 )  # fmt: skip
-NAMES: Final[tuple[str, ...]] = (
-    *(f"{of}_{what}" for of in _SETS for what in _OF_SET),
-    "added_level_change",
-    "mode_gain_change",
-)
+NAMES: Final = (*(f"{of}_{what}" for of in _SETS for what in _OF_SET), "added_level_change", "mode_gain_change")
 """Keys of `compare`."""
 
 
 def compare(real: Sequence[SmoothSpectrum], simulated: Sequence[SmoothSpectrum], points: int = 128) -> dict[str, float]:
-    """Shape of the difference of mean log smooth spectra, real less simulated.
+    """`NAMES` -> value: shape of the difference of mean log smooth spectra, real less simulated.
+
+    Once for healthy, for faulty and for all records: rms, mean and the means of thirds of the curve in log10 of power;
+    highest and lowest place; and three models, each with its share of the curve explained (1 all) and its parameters:
+    one more mode (added in proportion to the simulated level), a Butterworth roll-off before the white noise, and added
+    noise of a power law in a band. Sampling rates may differ between records: frequencies are over them.
 
     Parameters
     ----------
     real, simulated : sequence of SmoothSpectrum
-        Of comparable conditions. Sampling rates may differ between records: places are fractions of them.
+        Of comparable conditions.
     points : int
         Bands that curves are held in.
-
-    Returns
-    -------
-    dict[str, float]
-        `NAMES` -> value, once for healthy, for faulty and for all records. Per set: rms, mean and the means of
-        thirds of the curve in log10 of power; highest and lowest place; and three models, each with its share of the
-        curve explained (1 all) and its parameters: one more mode (added in proportion to the simulated level), a
-        Butterworth roll-off before the white noise, and added noise of a power law in a band. Frequencies over fs.
     """
     out = dict.fromkeys(NAMES, math.nan)
     for of in _SETS:
@@ -141,23 +132,13 @@ def _difference(real: Array, simulated: Array) -> dict[str, float]:
     return out
 
 
-@dataclass(frozen=True)
-class _Shapes:
+class _Shapes(NamedTuple):
     """Shapes that every pair of spectra is fitted with.
 
-    Parameters
-    ----------
-    centre, damping : Array [modes]
-    mode : Array [modes, points]
-        1 at resonance.
-    rolloff : Array [corners x orders, points]
-        Of power.
-    bands : Places [bands, 2]
-        First point and one beyond the last.
-    law : Array [slopes, bands, points]
-        Of mean 2 over all points, 0 outside the band.
-    log_law : Array [slopes, points]
-        ln of the power law, and `log_mean` [slopes, bands] ln of what brings it to that mean, its sign turned.
+    `centre`, `damping` [modes]; `mode` [modes, points], 1 at resonance; `rolloff` [corners x orders, points] of power;
+    `bands` [bands, 2], first point and one beyond the last; `law` [slopes, bands, points], of mean 2 over all points, 0
+    outside the band; `log_law` [slopes, points], ln of the power law, and `log_mean` [slopes, bands], ln of the
+    power law over `law` in its band.
     """
 
     centre: Array

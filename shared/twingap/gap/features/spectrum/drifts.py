@@ -10,12 +10,9 @@ from typing import Final
 
 import numpy as np
 import scipy.fft
-from numpy.typing import NDArray
 
 from twingap.gap.features.spectrum.smooth_shape import slope_of
 from twingap.signal.record_transforms import RecordTransforms, band_medians
-
-Array = NDArray[np.float64]
 
 _SEGMENTS: Final = 16
 """Pieces of a record: more show shorter changes with more noise."""

@@ -17,9 +17,8 @@ from scipy.signal import find_peaks
 from twingap.effects.impulsive_noise import LEAST_RATE_HZ
 from twingap.gap.features.spectrum.smooth_shape import bump
 from twingap.gap.features.spectrum.without_tones import without_tones
+from twingap.records import Array
 from twingap.signal.record_transforms import RecordTransforms, medians
-
-Array = NDArray[np.float64]
 
 
 def measure_impulsive_noise(record: RecordTransforms, smooth: Array, out: dict[str, float]) -> None:

@@ -21,8 +21,7 @@ from numpy.typing import NDArray
 
 from twingap._compiled import njit
 from twingap.gap.features.spectrum.record_summary import RecordSummary, log_bands
-
-Array = NDArray[np.float64]
+from twingap.records import Array
 
 BANDS: Final = 64
 """Bands that spectra are fitted in: more resolve sharper modes, each with more noise."""
@@ -89,17 +88,8 @@ def measure(spectra: Sequence[RecordSummary]) -> dict[str, float]:
 
 
 class TwoModes(NamedTuple):
-    """Two modes in parallel that explain the spectra of a set.
-
-    Parameters
-    ----------
-    places : (float, float)
-        Natural frequencies, parts of the sampling rate.
-    dampings : (float, float)
-        Damping ratios.
-    gain : float
-        The second's response to an impact over the first's; negative where it moves against it.
-    """
+    """Two modes in parallel that explain the spectra of a set: natural frequencies (parts of the sampling rate),
+    damping ratios, and the second's response to an impact over the first's, negative where it moves against it."""
 
     places: tuple[float, float]
     dampings: tuple[float, float]
@@ -283,8 +273,7 @@ def _power_law(f: Array, power: float) -> Array:
 
 
 _PLAIN, _TWO, _ROLLED, _SLOPED, _BANDED = range(5)
-
-
+"""Models: one mode and white noise; with another mode, a roll-off, a power law, a band of noise."""
 _FINE_F: Final = (np.arange(FINE * BANDS) + 0.5) / (2 * FINE * BANDS)
 _DELAY: Final = np.exp(-2j * math.pi * _FINE_F)
 

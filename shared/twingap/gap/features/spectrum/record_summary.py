@@ -8,32 +8,18 @@ from __future__ import annotations
 from typing import NamedTuple, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from twingap.gap.features.impacts.impulse_response import ImpactSpectrum, impact_spectrum
 from twingap.gap.features.tones.whitened_spectra import Whitened, whiten
-from twingap.records import Condition
+from twingap.records import Array, Condition
 from twingap.signal.record_transforms import Frame, RecordTransforms
-
-Array = NDArray[np.float64]
 
 
 class RecordSummary(NamedTuple):
     """Summary of one record.
 
-    Parameters
-    ----------
-    condition : Condition
-    frame : Frame
-    fs_hz : float
-    smooth : Array [record_transforms.SMOOTH_SEGMENTS]
-        Power density, unit^2 / Hz.
-    whitened : Whitened
-        For lines in means over records.
-    impact_spectrum : ImpactSpectrum or None
-        None without impacts.
-    rms : float
-        About the mean, in the unit of the records.
+    `smooth` [record_transforms.SMOOTH_SEGMENTS] is a power density, unit^2 / Hz; `whitened` is for lines in means over
+    records; `rms` is about the mean, in the unit of the records.
     """
 
     condition: Condition

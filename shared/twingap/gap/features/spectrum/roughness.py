@@ -11,14 +11,11 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from twingap.gap.features.spectrum.without_tones import without_tones
 from twingap.gap.features.tones.envelope_lines import envelope_lines, explained
 from twingap.gap.features.tones.tones import SEARCH, Lines, lines_of
 from twingap.signal.record_transforms import RecordTransforms
-
-Array = NDArray[np.float64]
 
 
 def measure_roughness(record: RecordTransforms, out: dict[str, float]) -> None:

@@ -10,11 +10,9 @@ import math
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from twingap.records import Array
 from twingap.signal.record_transforms import RecordTransforms
-
-Array = NDArray[np.float64]
 
 BANDS: Final = 32
 """Equal bands of the smooth spectrum between 0 and half the sampling rate."""

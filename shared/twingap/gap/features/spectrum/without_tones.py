@@ -8,12 +8,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from twingap.gap.features.tones.tones import lines_of
 from twingap.signal.record_transforms import RecordTransforms, once_a_record
-
-Array = NDArray[np.float64]
 
 
 def without_tones(record: RecordTransforms) -> RecordTransforms:

@@ -18,25 +18,18 @@ from numpy.typing import NDArray
 
 from twingap._compiled import njit
 from twingap.gap.features.tones.whitened_spectra import Whitened
+from twingap.records import Array
 
-Array = NDArray[np.float64]
 Single = NDArray[np.float32]
 
 
 @dataclass(frozen=True)
 class Aligned:
-    """Scores of combs in a set of records.
+    """Scores of combs in a set of records."""
 
-    Parameters
-    ----------
-    score : Array [combs, records]
-        The highest weighted sum of deviates over each comb's lines; NaN where the first line lies beyond the record.
-    lines : Array [combs, lines]
-        Mean over records of each line's deviate there.
-    """
-
+    # [combs, records] Highest weighted sum of deviates over each comb's lines; NaN for a first line beyond the record.
     score: Array
-    lines: Array
+    lines: Array  # [combs, lines] mean over records of each line's deviate there
 
     def mean(self, share: float = 0.6) -> Array:
         """[combs] Mean score; NaN of combs that fewer than this share of the records reach."""
@@ -50,16 +43,8 @@ def aligned(
 ) -> Aligned:
     """Score of each comb in each record, at the speed within reach where it stands highest.
 
-    Parameters
-    ----------
-    records : sequence of Whitened
-    deviates : sequence of Single [bins]
-        Of each.
-    combs : Array [combs, lines]
-        Shaft orders of each comb's lines.
-    weights : Array [lines]
-    reach : sequence of float
-        Largest relative error of each record's speed.
+    `deviates` [bins] are of each record; `combs` [combs, lines] are shaft orders, weighted by `weights` [lines];
+    `reach` is the largest relative error of each record's speed.
     """
     score, total, count = np.full((len(combs), len(records)), np.nan), np.zeros(combs.shape), np.zeros(len(combs))
     for k, (record, own, far) in enumerate(zip(records, deviates, reach, strict=True)):

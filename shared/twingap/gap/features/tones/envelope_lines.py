@@ -13,9 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twingap.gap.features.tones.tones import SEARCH, Lines, lines_of
+from twingap.records import Array
 from twingap.signal.record_transforms import Envelope, RecordTransforms, once_a_record
-
-Array = NDArray[np.float64]
 
 _SPECTRA: WeakKeyDictionary[Envelope, dict[float, Lines]] = WeakKeyDictionary()
 _FAULT_HARMONICS: Final = np.arange(1.0, 6.0)

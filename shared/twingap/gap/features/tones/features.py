@@ -17,9 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twingap.gap.features.tones.tones import HIGHEST_ORDER, LOCKED, PEAK, SEARCH, SLIP, Lines, lines_of
+from twingap.records import Array
 from twingap.signal.record_transforms import RecordTransforms
-
-Array = NDArray[np.float64]
 
 _INTEGER: Final = (1, 2, 3, 4, 5)
 _HALF: Final = (0.5, 1.5, 2.5, 3.5, 4.5)

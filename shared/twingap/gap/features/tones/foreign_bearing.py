@@ -15,9 +15,8 @@ from numpy.typing import NDArray
 
 from twingap.gap.features.tones.envelope_lines import envelope_lines, explained
 from twingap.gap.features.tones.tones import Lines, lines_of
+from twingap.records import Array
 from twingap.signal.record_transforms import RecordTransforms
-
-Array = NDArray[np.float64]
 
 REGIONS: Final = ((0.02, 0.12), (0.12, 0.25), (0.25, 0.48), (0.02, 0.48))
 """Bands for the search, parts of the sampling rate."""

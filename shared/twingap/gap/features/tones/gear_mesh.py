@@ -19,9 +19,9 @@ from scipy.ndimage import median_filter
 
 from twingap.gap.features.tones.aligned_combs import aligned
 from twingap.gap.features.tones.whitened_spectra import Whitened
+from twingap.records import Array
 from twingap.signal.record_transforms import medians
 
-Array = NDArray[np.float64]
 Single = NDArray[np.float32]
 
 _EACH: Final = ("", "_main", "_sides", "_teeth", "_rival")
@@ -45,20 +45,11 @@ _FEWEST: Final = 12
 
 
 def measure(records: Sequence[Whitened], deviates: Sequence[Single]) -> dict[str, float]:
-    """`NAMES` -> value of a set of records; NaN where their spectra are too short.
+    """`NAMES` -> value of a set of records and the `deviates` [bins] of each; NaN where their spectra are too short.
 
-    Parameters
-    ----------
-    records : sequence of Whitened
-    deviates : sequence of Single [bins]
-        Of each.
-
-    Returns
-    -------
-    dict
-        Of each search: z of the best number of teeth; mean deviate of its first line and of its side lines; its
-        logarithm; z of the best that is neither beside it nor its half or double. Last, the score at the integer
-        order less the highest between integer orders.
+    Of each search: z of the best number of teeth; mean deviate of its first line and of its side lines; its logarithm;
+    z of the best that is neither beside it nor its half or double. Last, the score at the integer order less the
+    highest between integer orders.
     """
     out = dict.fromkeys(NAMES, math.nan)
     for name, far in (("gear", _KNOWN), ("gear_free", _FREE)):
@@ -74,14 +65,8 @@ def measure(records: Sequence[Whitened], deviates: Sequence[Single]) -> dict[str
         teeth = _TEETH[known]
         near = np.abs(teeth[:, None] - teeth[best] * np.array([1.0, 0.5, 2.0])) <= np.array([2.0, 1.0, 1.0])
         rivals = z[~near.any(axis=1)]
-        lines = found.lines[known[best]]
-        values = (
-            z[best],
-            lines[0],
-            lines[1] + lines[2],
-            math.log(teeth[best]),
-            rivals.max() if rivals.size else np.nan,
-        )
+        lines, rival = found.lines[known[best]], rivals.max() if rivals.size else np.nan
+        values = z[best], lines[0], lines[1] + lines[2], math.log(teeth[best]), rival
         out |= {f"{name}{part}": float(value) for part, value in zip(_EACH, values, strict=True)}
         if name == "gear":
             off = aligned(records, deviates, _combs(teeth[best] + _OFF), _WEIGHTS, reach).mean()

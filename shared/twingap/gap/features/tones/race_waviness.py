@@ -18,7 +18,6 @@ from twingap.gap.features.tones.aligned_combs import aligned
 from twingap.gap.features.tones.whitened_spectra import Whitened
 from twingap.signal.record_transforms import medians
 
-Array = NDArray[np.float64]
 Single = NDArray[np.float32]
 
 _RACES: Final = ("outer", "inner")
@@ -40,20 +39,10 @@ _EVEN: Final = 1.2
 
 
 def measure(records: Sequence[Whitened], deviates: Sequence[Single], bearing: Bearing) -> dict[str, float]:
-    """`NAMES` -> value of a set of records; NaN where each has a defect of that race.
+    """`NAMES` -> value of a set of records and the `deviates` [bins] of each; NaN where each has a defect of that race.
 
-    Parameters
-    ----------
-    records : sequence of Whitened
-    deviates : sequence of Single [bins]
-        Of each.
-    bearing : Bearing
-
-    Returns
-    -------
-    dict
-        Of each race: z of the ball-pass comb among combs beside it, how far it stands above the highest of these, mean
-        deviates of its first two lines, and the part of the records in which it is the highest; z and lead of either.
+    Of each race: z of the ball-pass comb among combs beside it, how far it stands above the highest of these, mean
+    deviates of its first two lines, and the part of the records in which it is the highest; z and lead of either.
     """
     out = dict.fromkeys(NAMES, math.nan)
     for race, order in zip(_RACES, (bearing.bpfo, bearing.bpfi), strict=True):

@@ -17,19 +17,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twingap._compiled import njit
+from twingap.records import Array
 from twingap.signal.record_transforms import RecordTransforms, between_blocks, medians, once_a_record
-
-Array = NDArray[np.float64]
 
 SEARCH: Final = 0.055
 """Largest relative error of the stated speed. A larger one finds worse speeds, and more chance matches."""
-
 SLIP: Final = 0.035
 """Largest relative slip of the cage, with the same trade-off."""
-
 PEAK: Final = 20.0
 """Power over the floor's median from which a bin is a peak. A smaller value takes more noise for peaks."""
-
 _MOST_PEAKS: Final = 150
 """Largest number of peaks, the strongest. More take time and add faint ones."""
 HIGHEST_ORDER: Final = 120
@@ -40,21 +36,11 @@ LOCKED: Final = 0.7
 
 @dataclass(frozen=True)
 class Peaks:
-    """Peaks of a spectrum: tones above its floor.
+    """Peaks of a spectrum: tones above its floor."""
 
-    Parameters
-    ----------
-    hz : Array [peaks]
-        Interpolated frequencies, rising.
-    power : Array [peaks]
-        a^2 / 2 of each tone of amplitude a, unit squared.
-    excess : Array [peaks]
-        Power over the median floor about it.
-    """
-
-    hz: Array
-    power: Array
-    excess: Array
+    hz: Array  # [peaks] interpolated frequencies, rising
+    power: Array  # [peaks] a^2 / 2 of each tone of amplitude a, unit squared
+    excess: Array  # [peaks] power over the median floor about it
 
     def __len__(self) -> int:
         return int(self.hz.size)
@@ -282,21 +268,10 @@ class Lines:
         return self.stated_hz * (self.lock[0] if self.locked else 1.0)
 
     def at(self, hz: Array, relative: float = 0.0, without: NDArray[np.bool_] | None = None) -> tuple[Array, Array]:
-        """Largest power within `relative` of each frequency and one bin.
+        """[k], [k] Largest power within `relative` of each frequency and one bin, peaks `without` [peaks] ignored.
 
-        Parameters
-        ----------
-        hz : Array [k]
-        relative : float
-            Half the width searched, as a part of the frequency.
-        without : NDArray[bool] [peaks], optional
-            Peaks to ignore.
-
-        Returns
-        -------
-        (Array [k], Array [k])
-            log10 of its excess over what noise alone would show in as many bins, and the power of a tone there. NaN
-            beyond the spectrum.
+        log10 of its excess over what noise alone would show in as many bins, and the power of a tone there; NaN beyond
+        the spectrum.
         """
         logs, power = np.full(hz.size, np.nan), np.full(hz.size, np.nan)
         tones, size = self.tones, self.tones.size
@@ -318,9 +293,9 @@ def lines_of(record: RecordTransforms) -> Lines:
     return Lines(record.tones, record.df_hz, record.shaft_hz, fault_hz, races, record.fs_hz)
 
 
-def block_floor(power: Array, block: int = 32) -> Array:
+def block_floor(power: Array) -> Array:
     """[bins] The level between lines: medians of blocks, the middle of each three, interpolated in the logarithm."""
-    n = power.size
+    n, block = power.size, 32
     if n < 4 * block:
         return np.full(n, max(float(medians(power)), 1e-300))
     count = n // block

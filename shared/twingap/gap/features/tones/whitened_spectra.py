@@ -18,9 +18,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twingap.gap.features.impacts.impulse_response import impact_rate_hz
+from twingap.records import Array
 from twingap.signal.record_transforms import RecordTransforms, local_floor, medians
 
-Array = NDArray[np.float64]
 Single = NDArray[np.float32]
 Half = NDArray[np.float16]
 
@@ -52,34 +52,17 @@ _WIDE: Final = 0.22
 
 
 class Whitened(NamedTuple):
-    """Spectra of one record over their floors, for means over many records.
+    """Spectra of one record over their floors, for means over many records."""
 
-    Parameters
-    ----------
-    logs : Half [bins]
-        ln of the periodogram over its floor, smoothed over three bins.
-    floor_logs : Single [bins / _FLOOR_STEP]
-        ln of the floor, unit^2.
-    df_hz : float
-    envelope : Single [bins]
-        Periodogram of the broadband squared envelope over its floor, smoothed, capped.
-    envelope_df_hz : float
-    shaft_hz, fs_hz : float
-    kind : str
-        State of the bearing: lines of impacts are in the records of one state alone.
-    rate_hz : float
-        Impacts per second; NaN without a defect.
-    """
-
-    logs: Half
-    floor_logs: Single
+    logs: Half  # [bins] ln of the periodogram over its floor, smoothed over three bins
+    floor_logs: Single  # [bins / _FLOOR_STEP] ln of the floor, unit^2
     df_hz: float
-    envelope: Single
+    envelope: Single  # [bins] periodogram of the broadband squared envelope over its floor, smoothed, capped
     envelope_df_hz: float
     shaft_hz: float
     fs_hz: float
-    kind: str
-    rate_hz: float
+    kind: str  # state of the bearing: lines of impacts are in the records of one state alone
+    rate_hz: float  # impacts per second; NaN without a defect
 
     def power(self) -> Single:
         """[bins] Power over its floor, capped; lines of the defect's own comb are replaced by noise."""

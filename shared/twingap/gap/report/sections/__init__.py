@@ -1,11 +1,13 @@
 """The sections of report.html, in their order on the page: what to do, then the evidence.
 
-A section is a module with ``section(report, figures) -> Section | None`` and is listed here; None leaves it out.
+To add one, write a module with ``section(report, figures) -> Section | None``, where None leaves it out, and name it
+below, in the import and in `SECTIONS`. `parts` has what a section consists of; a new figure is a function in
+`report.figures`. What the section shows has to be in `GapReport` (`report.model`) and in gap_report.schema.json.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from typing import Final
 
 from twingap.gap.report.model import GapReport
@@ -22,9 +24,9 @@ from twingap.gap.report.sections import (
     where,
     which,
 )
-from twingap.gap.report.sections.parts import Section
+from twingap.gap.report.sections.parts import Figures, Section
 
-SECTIONS: Final[tuple[Callable[[GapReport, Mapping[str, str]], Section | None], ...]] = tuple(
+SECTIONS: Final[tuple[Callable[[GapReport, Figures], Section | None], ...]] = tuple(
     module.section
     for module in (
         next_steps, curves, where, which, confidence, shrink, rest, closest, calibration, notes, provenance,

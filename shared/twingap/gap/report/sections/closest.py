@@ -2,36 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 from twingap.gap.report.formats import closure, name, p_value, parameters, percent
 from twingap.gap.report.model import GapReport, GroupShare
-from twingap.gap.report.sections.parts import Cell, Line, Part, Section, Table, figure
+from twingap.gap.report.sections.parts import Cell, Figures, Line, Part, Section, Table, figure
 from twingap.gap.report.sections.shrink import metrics_table
 
 
-def section(report: GapReport, figures: Mapping[str, str]) -> Section | None:
+def section(report: GapReport, figures: Figures) -> Section | None:
     """Shares of the groups, measures and values; None where nothing was attributed."""
     found = report.closest
     if not found.attribution:
         return None
     named = report.verdict.effects
-    rows: list[tuple[Cell, ...]] = [_row(share) for share in found.attribution]
-    limits = [
-        (words, closure(value))
-        for words, value in (
-            ("other real records of the same bearing", found.ceiling.same_unit),
-            ("real records of other bearings", found.ceiling.other_unit),
-        )
-        if value is not None
-    ]
+    real = {
+        "other real records of the same bearing": found.ceiling.same_unit,
+        "real records of other bearings": found.ceiling.other_unit,
+    }
+    limits = [(words, closure(value)) for words, value in real.items() if value is not None]
     values = [
         ([Line(name(one.effect) + " ◆" * (one.effect in named), "strong")], parameters(one.parameters))
         for one in found.effects
     ]
     parts: list[Part] = [
         *figure(figures, "attribution"),
-        Table(("group", "closes (90 % interval)", "p", "effects"), rows),
+        Table(("group", "closes (90 % interval)", "p", "effects"), [_row(share) for share in found.attribution]),
         *([Table(("in place of the twin", "closes"), limits)] if limits else []),
         *([metrics_table(found.metrics)] if found.metrics else []),
         Table(("effect", "values, fitted together"), values, 4, "effects"),

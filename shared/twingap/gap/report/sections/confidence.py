@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import Final
 
-from twingap.gap.report.grouped_sets import GroupedSet, by_groups
+from twingap.gap.report.grouped_sets import by_groups
 from twingap.gap.report.model import GapReport, count_words, listed
-from twingap.gap.report.sections.parts import Items, Section
+from twingap.gap.report.sections.parts import Figures, Items, Section
 
 _TITLE: Final = "What the data do not distinguish"
 _SHOWN: Final = 8
 """Explanations that are listed at once."""
 
 
-def section(report: GapReport, figures: Mapping[str, str]) -> Section | None:
+def section(report: GapReport, figures: Figures) -> Section | None:
     """The explanations that cannot be ruled out, most probable first."""
     sets = report.verdict.confidence_set
     if not sets:
@@ -34,10 +33,6 @@ def section(report: GapReport, figures: Mapping[str, str]) -> Section | None:
         return Section(_TITLE, text, (Items(words, ordered=True, shown=_SHOWN, more="less probable ones"),))
     text += f"They come down to {count_words(len(grouped))}, effects that stand in for each other taken together and "
     text += "hardly probable ones left out:"
-    short = Items([_words(one, none) for one in grouped], ordered=True, shown=_SHOWN, more="less probable ones")
+    by_group = ["; ".join(map(str, one.choices)) or none for one in grouped]
+    short = Items(by_group, ordered=True, shown=_SHOWN, more="less probable ones")
     return Section(_TITLE, text, (short, Items(words, ordered=True, shown=0, more="explanations one by one")))
-
-
-def _words(one: GroupedSet, none: str) -> str:
-    """An explanation by groups in words."""
-    return "; ".join(map(str, one.choices)) or none

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 from twingap.gap.report.model import GapReport
-from twingap.gap.report.sections.parts import Figure, Section
+from twingap.gap.report.sections.parts import Figure, Figures, Section
 
 
-def section(report: GapReport, figures: Mapping[str, str]) -> Section | None:
+def section(report: GapReport, figures: Figures) -> Section | None:
     """A figure for each curve of the report."""
     names = [name for name in figures if name.startswith("curve-")]
     if not names:

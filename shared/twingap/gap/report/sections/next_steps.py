@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 from twingap.gap.report.advice import next_steps, snippet
 from twingap.gap.report.model import GapReport
-from twingap.gap.report.sections.parts import Code, Items, Section
+from twingap.gap.report.sections.parts import Code, Figures, Items, Section
 
 
-def section(report: GapReport, figures: Mapping[str, str]) -> Section | None:
+def section(report: GapReport, figures: Figures) -> Section | None:
     """What to do next, and the verdict's effects as TWIN.toml takes them."""
     lines = snippet(report)
     code = (Code(lines, "TWIN.toml"),) if lines else ()

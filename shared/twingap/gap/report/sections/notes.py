@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 from twingap.gap.report.model import GapReport
-from twingap.gap.report.sections.parts import Items, Section
+from twingap.gap.report.sections.parts import Figures, Items, Section
 
 
-def section(report: GapReport, figures: Mapping[str, str]) -> Section | None:
+def section(report: GapReport, figures: Figures) -> Section | None:
     """The notes as a list."""
     return Section("Notes", parts=(Items(report.notes),)) if report.notes else None

@@ -16,23 +16,15 @@ class Line(NamedTuple):
 
 Cell = str | Sequence[Line | str]
 """Text, or lines below each other. Words between backticks are set as code."""
+Figures = Mapping[str, str]
+"""Name -> figure as HTML, see `figures.all_figures`."""
 
 
 @dataclass(frozen=True)
 class Table:
-    """A table of which the first rows are shown at once, and the others unfold.
+    """A table of which the first rows are shown at once (None: all), and the others unfold.
 
-    Parameters
-    ----------
-    head : sequence of str
-        Empty for a table without heads.
-    rows : sequence of rows
-    shown : int or None
-        Rows shown at once; None: all.
-    more : str
-        Name of further rows, as in "3 more places".
-    kind : str
-        CSS class.
+    `head` may be empty; `more` names further rows, as in "3 more places"; `kind` is a CSS class.
     """
 
     part: ClassVar[str] = "table"
@@ -79,18 +71,7 @@ Part = Table | Items | Figure | Code
 
 @dataclass(frozen=True)
 class Section:
-    """A section of the page.
-
-    Parameters
-    ----------
-    title : str
-    text : str
-        Introduction above the parts; may be empty.
-    parts : sequence of Part
-        In their order.
-    kind : str
-        CSS class.
-    """
+    """A section of the page: title, introduction (may be empty), and parts in their order; `kind` is a CSS class."""
 
     title: str
     text: str = ""
@@ -103,6 +84,6 @@ class Section:
         return self.title.lower().replace(" ", "-")
 
 
-def figure(figures: Mapping[str, str], name: str) -> tuple[Figure, ...]:
+def figure(figures: Figures, name: str) -> tuple[Figure, ...]:
     """The figure of this name as a part; nothing where there is none."""
     return (Figure(figures[name]),) if name in figures else ()

@@ -19,21 +19,13 @@ _SIGNS: Final[Mapping[str, str]] = {"records_higher": "records", "twin_higher": 
 
 def places_table(places: Sequence[Place]) -> Table:
     """One row for each place, numbered as on the figures."""
-    rows = [
-        (
-            str(i),
-            DOMAIN[p.domain].label,
-            "–"
-            if p.domain == "condition" and p.lo is None and p.hi is None
-            else place_words(replace(p, condition=None)),
-            condition_words(p.condition) or "all",
-            _SIGNS.get(p.sign or "", "–"),
-            f"{100 * p.share:.0f} %",
-            p_value(p.p_value),
-            p.after or "–",
-        )
-        for i, p in enumerate(places, 1)
-    ]
+    rows = []
+    for i, p in enumerate(places, 1):
+        everywhere = p.domain == "condition" and p.lo is None and p.hi is None
+        where = "–" if everywhere else place_words(replace(p, condition=None))
+        share, significance = f"{100 * p.share:.0f} %", p_value(p.p_value)
+        conditions, sign = condition_words(p.condition) or "all", _SIGNS.get(p.sign or "", "–")
+        rows.append((str(i), DOMAIN[p.domain].label, where, conditions, sign, share, significance, p.after or "–"))
     head = ("#", "domain", "place", "conditions", "more in", "share", "p (adjusted)", "with the effects")
     keep = len(head) - (not any(p.after for p in places))
     return Table(head[:keep], [row[:keep] for row in rows], _SHOWN, "places")

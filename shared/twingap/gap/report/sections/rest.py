@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 from twingap.gap.report.model import GapReport
-from twingap.gap.report.sections.parts import Section
+from twingap.gap.report.sections.parts import Figures, Section
 from twingap.gap.report.sections.places import places_table
 
 
-def section(report: GapReport, figures: Mapping[str, str]) -> Section | None:
+def section(report: GapReport, figures: Figures) -> Section | None:
     """The places of the rest as a table."""
     if not report.rest:
         return None

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 from twingap.gap.report.formats import closure, name, number
 from twingap.gap.report.model import GapReport, Metric, listed
-from twingap.gap.report.sections.parts import Section, Table, figure
+from twingap.gap.report.sections.parts import Figures, Section, Table, figure
 
 
-def section(report: GapReport, figures: Mapping[str, str]) -> Section | None:
+def section(report: GapReport, figures: Figures) -> Section | None:
     """Measures of the gap as a figure and a table."""
     if not report.metrics:
         return None

@@ -2,19 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 from twingap.gap.report.model import GapReport
-from twingap.gap.report.sections.parts import Section, figure
+from twingap.gap.report.sections.parts import Figures, Section, figure
 from twingap.gap.report.sections.places import places_table
 
 
-def section(report: GapReport, figures: Mapping[str, str]) -> Section | None:
+def section(report: GapReport, figures: Figures) -> Section | None:
     """The places of the gap as a figure and a table."""
     if not report.places:
         return Section("Where the gap lies", "No place differs significantly (family-wise error 5 %).")
-    return Section(
-        "Where the gap lies",
-        "Significant places only (family-wise error 5 %), largest share of the gap first.",
-        (*figure(figures, "shares"), places_table(report.places)),
-    )
+    text = "Significant places only (family-wise error 5 %), largest share of the gap first."
+    return Section("Where the gap lies", text, (*figure(figures, "shares"), places_table(report.places)))

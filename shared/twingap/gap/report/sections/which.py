@@ -2,39 +2,32 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import Final
 
 from twingap.effects import catalogue
 from twingap.gap.report.formats import closure, name, parameters, undetermined
 from twingap.gap.report.model import REFERENCE, Candidate, GapReport, listed
-from twingap.gap.report.sections.parts import Cell, Line, Section, Table, figure
+from twingap.gap.report.sections.parts import Cell, Figures, Line, Section, Table, figure
 
 _SHOWN: Final = 6
 """Candidates that are listed at once, besides the verdict's."""
 
 
-def section(report: GapReport, figures: Mapping[str, str]) -> Section | None:
+def section(report: GapReport, figures: Figures) -> Section | None:
     """The candidates as a figure and a table; the verdict's effects and the most probable others are shown at once."""
     if not report.candidates:
         return None
     named = [c for c in report.candidates if c.effect in report.verdict.effects]
     first = [c for i, c in enumerate(report.candidates) if c in named or i < _SHOWN]
     others = [c for c in report.candidates if c not in first]
-    head = (
-        "effect",
-        "probability",
-        "closes (90 % interval)",
-        "gap before → after",
-        "fitted parameters (90 % interval)",
-    )
+    columns = ("closes (90 % interval)", "gap before → after", "fitted parameters (90 % interval)")
     rows = [_row(c, report) for c in (*first, *others)]
     return Section(
         "Which effect is missing",
         "Every effect of the catalogue that the twin does not have yet: probability that the machine has it, and the "
         "part of the gap that it closes on records not used to fit it, beside the verdict's other effects."
         + (" ◆ marks the verdict." if report.verdict.effects else ""),
-        (*figure(figures, "closures"), Table(head, rows, len(first), "candidates")),
+        (*figure(figures, "closures"), Table(("effect", "probability", *columns), rows, len(first), "candidates")),
     )
 
 
