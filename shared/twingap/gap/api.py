@@ -216,7 +216,10 @@ def _diagnosed(
     if not quick and isinstance(found.before.simulator, TwinSimulator):
         near = replace(near, twin=CLOSEST_FILE)
     if found.gap and not quick:
-        later = lambda what, part: steps(what, 0.5 + 0.5 * part)  # noqa: E731
+
+        def later(what: str, part: float) -> None:
+            steps(what, 0.5 + 0.5 * part)
+
         near, closest = closest_of(held_out, learnt, before, closed, metrics, pairs[0].scale, replayed, rng, later)
     status = _status(found, closed, replayed.same_unit)
     closes = {candidate.effect: candidate.closure for candidate in candidates}
