@@ -20,7 +20,7 @@ import scipy.fft
 
 from twingap.bearing import Bearing
 from twingap.gap.features.impacts.impulse_response import ImpactSpectrum, standing_out
-from twingap.gap.features.impacts.smooth_path import CANDIDATES, GRID, highest, log_likelihood_ratios
+from twingap.gap.features.impacts.smooth_path import CANDIDATES, GRID, OverHarmonics, highest, log_likelihood_ratios
 from twingap.records import Array
 from twingap.signal.record_transforms import mean_of_five
 
@@ -56,16 +56,6 @@ _FEWEST: Final = 6.0
 """Sum of weights below which nothing is reported."""
 
 
-class _Ratio(NamedTuple):
-    """[harmonics] ln of measured over simulated power; its weight; noise over power, which fills a comb's gaps; and ln
-    of measured over simulated noise at the same frequencies, 0 where it is not known."""
-
-    log: Array
-    weight: Array
-    noise: Array
-    path: Array
-
-
 def compare(
     real: Sequence[ImpactSpectrum], simulated: Sequence[ImpactSpectrum], bearing: Bearing, noise: Array | None = None
 ) -> dict[str, float]:
@@ -93,7 +83,7 @@ def compare(
     return out
 
 
-def _comb(ratios: Iterable[tuple[str, _Ratio]], bearing: Bearing) -> dict[str, float]:
+def _comb(ratios: Iterable[tuple[str, OverHarmonics]], bearing: Bearing) -> dict[str, float]:
     """Fit of the comb |1 + r exp(i k a)|^2 over harmonics k of a second impact, r times the first.
 
     All faults share r; each has its own delay.
@@ -106,7 +96,7 @@ def _comb(ratios: Iterable[tuple[str, _Ratio]], bearing: Bearing) -> dict[str, f
         known += float(ratio.weight.sum())
         before += own.energy
         after += own.left
-        over_path += log_likelihood_ratios(*ratio, np.array(_RATIOS), _LEAST_PART)
+        over_path += log_likelihood_ratios(ratio, np.array(_RATIOS), _LEAST_PART)
         found.append((fault, own))
     if not found:
         return {}
@@ -138,7 +128,7 @@ class _Explained(NamedTuple):
     part: Array
 
 
-def _explained(ratio: _Ratio) -> _Explained:
+def _explained(ratio: OverHarmonics) -> _Explained:
     """Combs fitted to one fault's ratio, after the path and slow variation over harmonics are removed from both."""
     seen = np.flatnonzero(ratio.weight)
     root, place = np.sqrt(ratio.weight[seen]), (seen + 1) / ratio.weight.size
@@ -170,7 +160,7 @@ def _explained(ratio: _Ratio) -> _Explained:
 
 def _over_harmonics(
     real: Sequence[ImpactSpectrum], simulated: Sequence[ImpactSpectrum], noise: Array | None, fault: str, *, faint: bool
-) -> _Ratio:
+) -> OverHarmonics:
     """Ratio of the mean power around the harmonics of one fault.
 
     With `faint`, a harmonic counts where its neighbours are above the noise: the minima of a comb hold noise alone, and
@@ -191,7 +181,7 @@ def _over_harmonics(
     path = np.zeros(both) if noise is None else _on_path([s for s in simulated if s.fault == fault], noise)[:both]
     weight = np.minimum(*(w[:both] for w in weights))
     filled = _JITTER[1] + noises[0][:both] if faint else np.full(both, _JITTER[0])
-    return _Ratio(logs[0][:both] - logs[1][:both], np.where(weight > _COUNTED, weight, 0.0), filled, path)
+    return OverHarmonics(logs[0][:both] - logs[1][:both], np.where(weight > _COUNTED, weight, 0.0), filled, path)
 
 
 def _mean(kept: Sequence[ImpactSpectrum]) -> tuple[Array, Array]:

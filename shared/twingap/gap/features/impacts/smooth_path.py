@@ -11,7 +11,7 @@ Generalised least squares (Aitken 1935, doi:10.1017/S0370164600014346).
 from __future__ import annotations
 
 import math
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,31 +33,22 @@ _LEAST: Final = 1e-3
 """Least mean square of a fit: keeps the logarithm finite."""
 
 
-def log_likelihood_ratios(
-    log: Array, weight: Array, noise: Array, path: Array, ratios: Array, least_part: float
-) -> Array:
-    """Log likelihood ratio of combs over none for the harmonics of one fault.
+class OverHarmonics(NamedTuple):
+    """Ratio of measured to simulated power over the harmonics of one fault, all [harmonics]."""
 
-    Parameters
-    ----------
-    log : Array [harmonics]
-        ln of measured over simulated power.
-    weight : Array [harmonics]
-        Of each, 0 to 1; 0 leaves it out.
-    noise : Array [harmonics]
-        Over power: fills the minima of a comb.
-    path : Array [harmonics]
-        ln of the factor by which the path of the noise would change them; all equal where it is not known.
-    ratios : Array [ratios]
-        Second impact over first.
-    least_part : float
-        Shortest delay, parts of a pass; the longest is half of one.
+    log: Array  # ln of it
+    weight: Array  # 0 to 1; 0 leaves a harmonic out
+    noise: Array  # over power: fills the minima of a comb
+    path: Array  # ln of the factor by which the path of the noise would change it; all equal where it is not known
 
-    Returns
-    -------
-    Array [2, ratios]
-        Of the best comb of each ratio; second impact with the sign of the first, and with the other.
+
+def log_likelihood_ratios(over: OverHarmonics, ratios: Array, least_part: float) -> Array:
+    """[2, ratios] Log likelihood ratio of the best comb of each ratio of second impact to first, over none.
+
+    With the sign of the first impact, and with the other. `least_part` is the shortest delay, parts of a pass; the
+    longest is half of one.
     """
+    log, weight, noise, path = over
     seen = np.flatnonzero(weight)
     harmonic = np.asarray(seen + 1.0, float)
     smooth = [np.ones(seen.size), harmonic / weight.size]

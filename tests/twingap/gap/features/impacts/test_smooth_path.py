@@ -6,7 +6,7 @@ import pytest
 from twingap.bearing import BEARINGS
 from twingap.effects import make_effect
 from twingap.gap.features.impacts import impact_pair_comb, impulse_response
-from twingap.gap.features.impacts.smooth_path import log_likelihood_ratios
+from twingap.gap.features.impacts.smooth_path import OverHarmonics, log_likelihood_ratios
 from twingap.records import Condition
 from twingap.signal.record_transforms import Frame, RecordTransforms
 from twingap.twins.phenomenological import PhenomenologicalParameters, PhenomenologicalTwin
@@ -30,7 +30,7 @@ def ratio(seed, comb=0.0, part=0.21, beside=3.0):
 
 def best(log, least=0.01):
     every = np.ones(HARMONICS.size)
-    return log_likelihood_ratios(log, every, 0.02 * every, 0 * every, RATIOS, least)
+    return log_likelihood_ratios(OverHarmonics(log, every, 0.02 * every, 0 * every), RATIOS, least)
 
 
 @pytest.mark.parametrize("comb", [0.35, -0.35])
@@ -54,7 +54,8 @@ def test_what_one_path_does_to_noise_and_impacts_alike_is_taken_out():
     bend = mode(30.0, 0.02) - mode(24.0, 0.02)
     log = bend + 0.05 * np.random.default_rng(0).standard_normal(HARMONICS.size)
     told, untold = (
-        log_likelihood_ratios(log, every, 0.02 * every, path, RATIOS, 0.01).max() for path in (bend, 0 * every)
+        log_likelihood_ratios(OverHarmonics(log, every, 0.02 * every, path), RATIOS, 0.01).max()
+        for path in (bend, 0 * every)
     )
     assert told < 8
     assert told < untold
