@@ -136,7 +136,7 @@ def _ways(evidence: Evidence, now: Compared, name: str) -> Iterator[tuple[Simula
         return
     alike = look_alikes(LINES)
     without_lines = tuple(effect for effect in now.effects if effect.measured or effect.name not in alike)
-    choices = [(now.effects, (PATH, BACKGROUND))]
+    choices: list[tuple[Chain, tuple[str, ...]]] = [(now.effects, (PATH, BACKGROUND))]
     choices += [(without_lines, (PATH, BACKGROUND, LINES))] if without_lines != now.effects else []
     for effects, names in choices:
         if (one := measured(evidence, simulator, effects, names, by=by)) is not None:
