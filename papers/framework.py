@@ -17,8 +17,9 @@ import inspect
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any
 
+from papers.figures import style
 from papers.imports import digest_of_imports
 from twingap import files
 from twingap.config import build, read_toml
@@ -36,10 +37,6 @@ Progress = Callable[[str, int, int], None]
 """Called with what is being done, how much of it is done, and how much there is."""
 Inputs = Mapping[str, tuple[Any, str | None]]
 """Name of an argument of a step's function -> its value, and its digest; None where results do not depend on it."""
-STYLE: Final[Any] = {"font.size": 13, "axes.titlesize": 13, "axes.labelsize": 13, "legend.fontsize": 12}
-"""Sizes of letters in figures."""
-STYLE_LARGE: Final[Any] = {"font.size": 14, "axes.titlesize": 14, "axes.labelsize": 14, "legend.fontsize": 13}
-"""The same for figures of many panels."""
 
 
 def _nothing(work: Work) -> dict[str, Any]:
@@ -103,8 +100,8 @@ class Study:
         Work -> lines that are printed below the headlines.
     at_hand : callable
         Data root or None -> whether the data are at hand; a paper leaves the study out where they are not.
-    style : mapping
-        Sizes of letters in figures.
+    letters : (int, int)
+        Sizes of letters in figures, and of those in legends, points.
     """
 
     name: str
@@ -121,7 +118,7 @@ class Study:
     metrics: Callable[[Work], Mapping[str, float | None]] = _nothing
     notes: Callable[[Work], Iterable[str]] = lambda work: ()
     at_hand: Callable[[Path | None], bool] = lambda root: True
-    style: Any = field(default_factory=lambda: STYLE)
+    letters: tuple[int, int] = (13, 12)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "config", Path(inspect.getfile(self.options)).parent / self.config)
@@ -212,7 +209,7 @@ class Study:
         if draw and self.figures is not None:
             import matplotlib as mpl
 
-            with mpl.rc_context(self.style):
+            with mpl.rc_context(style(*self.letters)):
                 for name, figure in self.figures(work):
                     write_figure(figure, work.out / "figures" / f"{name}.png")
                     work.log.figure(name, figure)

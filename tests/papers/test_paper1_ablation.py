@@ -12,8 +12,7 @@ import pytest
 from papers.framework import Work
 from papers.paper1_rul_varying_speed.ablation import jobs as ablation
 from papers.paper1_rul_varying_speed.ablation.jobs import ADVERSARIAL, DANN, SIMULATED, TRUE, Size, with_true_lives
-from papers.paper1_rul_varying_speed.ablation.study import STUDY
-from papers.paper1_rul_varying_speed.ablation.tables import tables_of
+from papers.paper1_rul_varying_speed.ablation.study import STUDY, tables_of
 from papers.paper1_rul_varying_speed.cases import Case, Target, load_target
 from papers.paper1_rul_varying_speed.job import simulate
 from papers.paper1_rul_varying_speed.lives.options import Options, TargetOptions, read_options

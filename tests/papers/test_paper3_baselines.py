@@ -8,7 +8,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from papers.extra.baselines import jobs, tables
+from papers.extra.baselines import jobs
+from papers.extra.baselines import study as tables
 from papers.extra.layers import jobs as layers
 from papers.extra.layers.study import STUDY as LAYERS
 from papers.paper3_zoa_dann.comparison.task_files import Material

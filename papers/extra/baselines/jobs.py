@@ -94,10 +94,8 @@ def results(work: Work) -> list[tuple[str, Result[Trial]]]:
 def run_trial(job: Trial, material: Material, labelled: Windows) -> dict[str, dict[str, Any]]:
     """Fit every method with each of its settings, choose the setting without target labels, judge.
 
-    Parameters
-    ----------
-    labelled : Windows
-        Those adapted to, with labels: for the source "real labels" alone, from which nothing is adapted.
+    `labelled` are the windows adapted to, with labels: for the source "real labels" alone, from which nothing is
+    adapted.
 
     Returns
     -------
@@ -137,14 +135,10 @@ def _at(place: int, told: Sequence[Array], truth: Labels) -> dict[str, Any]:
 
 
 def adapted(method: str, setting: Any, rows: Array, labels: Labels, target: Array) -> Callable[[Array], Array]:
-    """Fit one method: a function from target rows to probabilities [rows, classes].
-
-    Raises `TwingapError` without skada.
+    """Fit one method of `SETTINGS`: a function from target rows to probabilities [rows, classes].
 
     Parameters
     ----------
-    method, setting
-        Key of `SETTINGS`, and one of its values.
     rows, labels : arrays [source rows, features], [source rows]
     target : Array [target rows, features]
         Unlabelled.
@@ -167,12 +161,11 @@ def adapted(method: str, setting: Any, rows: Array, labels: Labels, target: Arra
         adapters: dict[str, Callable[[], tuple[Any, ...]]] = {
             "CORAL": lambda: (skada.CORALAdapter(reg=setting), base),
             "Subspace alignment": lambda: (
-                skada.SubspaceAlignmentAdapter(min(setting, *target.shape), random_state=0),
-                base,
+                skada.SubspaceAlignmentAdapter(min(setting, *target.shape), random_state=0), base,
             ),
             "LinOT": lambda: (skada.LinearOTMappingAdapter(reg=setting), base),
             "JDOT": lambda: (skada.JDOTClassifier(base, alpha=setting),),
-        }
+        }  # fmt: skip
         pipeline = skada.make_da_pipeline(StandardScaler(), *adapters[method]())
         domain = np.repeat([1, -2], [len(rows), len(target)])
         masked = np.concatenate([labels, np.full(len(target), -1)])

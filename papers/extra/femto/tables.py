@@ -12,27 +12,18 @@ from papers.extra.femto.jobs import ALONE, CUTS, METHODS, POOLED, RIVALS, Measur
 from papers.framework import Work
 from papers.paper1_rul_varying_speed.methods import metrics
 from twingap.prognosis.outcomes import prior_from
-from twingap.prognosis.prior import LEARNT, Prior
+from twingap.prognosis.prior import LEARNT
 
 
 def pooled(bearing: str, runs: dict[str, Measured], alone: dict[str, dict[str, Any]]) -> dict[str, Any]:
-    """Growth alone pooled with what other runs say: at the weight that the other bearings choose among themselves, with
-    intervals as wide as those of the others should have been.
+    """`predict` by growth alone of a bearing, pooled with what other runs say.
 
-    Parameters
-    ----------
-    bearing : str
-        Left out: neither its life nor its predictions enter weight or width.
-    alone : dict
-        `predict` of each bearing by growth alone.
+    Weight and width of intervals are those that the other bearings choose among themselves: neither this one's life nor
+    its predictions enter them.
     """
-    prior = prior_from(
-        [outcome(name, run, alone[name]) for name, run in runs.items() if name != bearing], runs[bearing].load_n
-    )
-    return _pool(runs[bearing], alone[bearing], prior) | {what: getattr(prior, what) for what in LEARNT}
-
-
-def _pool(run: Measured, found: dict[str, Any], prior: Prior) -> dict[str, Any]:
+    run, found = runs[bearing], alone[bearing]
+    others = [outcome(name, other, alone[name]) for name, other in runs.items() if name != bearing]
+    prior = prior_from(others, run.load_n)
     turns, onset = revolutions(run), found["onset"]
     columns = np.column_stack([np.asarray(found[k], float) for k in ("low", "predicted", "high")])
     per_time = run.speed_rpm / 60
@@ -45,7 +36,8 @@ def _pool(run: Measured, found: dict[str, Any], prior: Prior) -> dict[str, Any]:
                 columns[row] /= per_time[row]
         else:
             columns[row] = np.array(prior.before(turns[row])) / per_time[row]
-    return found | {"low": columns[:, 0], "predicted": columns[:, 1], "high": columns[:, 2]}
+    told = {"low": columns[:, 0], "predicted": columns[:, 1], "high": columns[:, 2]}
+    return found | told | {what: getattr(prior, what) for what in LEARNT}
 
 
 def judge(run: Measured, found: dict[str, Any]) -> dict[str, float]:
@@ -88,21 +80,17 @@ def table(runs: dict[str, Measured], results: Sequence[tuple[Prediction, dict[st
 def wins(every: pd.DataFrame) -> pd.DataFrame:
     """Bearings on which the estimator is at least as good as rivals, per metric.
 
-    Returns
-    -------
-    DataFrame
-        Against the best rival of each bearing, a yardstick that knows the end; against the one that is best on average,
-        which a reader would take instead; and against each rival throughout.
+    Against the best rival of each bearing, a yardstick that knows the end; against the one that is best on average,
+    which a reader would take instead; and against each rival throughout.
     """
-    better = {
-        "rmse_s": min, "relative_accuracy": max, "alpha_lambda_half": max, "within_20": max, "horizon_s": max,
-        "phm2012_after_alarm": max, "phm2012_at_cuts": max,
-    }  # fmt: skip
+    higher = (
+        "relative_accuracy", "alpha_lambda_half", "within_20", "horizon_s", "phm2012_after_alarm", "phm2012_at_cuts",
+    )  # fmt: skip
     rows = []
     plain = every.astype({"bearing": str, "method": str})
-    for metric, best in better.items():
+    for metric in ("rmse_s", *higher):
         values = plain.pivot(index="bearing", columns="method", values=metric)
-        sign = -1 if best is min else 1
+        sign, best = (1, "max") if metric in higher else (-1, "min")
         rivals = values[list(RIVALS)]
         chosen = str((sign * rivals.mean()).idxmax())
         against = {
@@ -120,7 +108,6 @@ def wins(every: pd.DataFrame) -> pd.DataFrame:
 
 
 def all_tables(work: Work) -> dict[str, pd.DataFrame]:
-    """Every table by name: by bearing and method; who is at least as good where."""
     runs, found = work["runs"], work["predictions"]
     alone = {r.job.bearing: r.value for r in found if r.job.method == ALONE}
     together = [(Prediction(name, POOLED, 0), pooled(name, runs, alone)) for name in runs]

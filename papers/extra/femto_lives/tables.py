@@ -19,7 +19,6 @@ TWINS: Final = (AS_PRINTED, NAMED, CLOSED)
 
 
 def all_tables(work: Work) -> dict[str, pd.DataFrame]:
-    """Every table by name: runs and verdicts, trainings, what closing the gap is worth."""
     told = {r.job: dict(r.value) for r in work["diagnoses"]}
     every = errors([(one.wait_min, r.job, dict(r.value)) for one, r in work["trained"]])
     cases, refused = work["cases"], work["refused"]

@@ -7,16 +7,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from papers.extra.femto_score.jobs import (
-    CONSTANT,
-    INDICATORS,
-    LIVES,
-    METHODS,
-    SHARE,
-    SHARES,
-    UNLOADED,
-    Run,
-)  # fmt: skip
+from papers.extra.femto_score.jobs import CONSTANT, INDICATORS, LIVES, METHODS, SHARE, SHARES, UNLOADED, Run
 from papers.extra.femto_score.score import best_point, best_share, within
 from papers.framework import Work
 from papers.paper1_rul_varying_speed.methods.metrics import phm2012_accuracy
@@ -32,7 +23,7 @@ CONDITIONS = {"1": (1800.0, 4000.0), "2": (1650.0, 4200.0), "3": (1500.0, 5000.0
 def scored(run: Run, cuts: list[int], value: dict[str, Any], band: tuple[float, float]) -> dict[str, Any]:
     """Scores of one prediction over the cuts of a run: as predicted, at the best point, with the band of cuts known."""
     law, point = np.asarray(value["quantiles"], float), np.asarray(value["point"], float)
-    lived = np.array(cuts) * run.life / (len(run.indicators) - 1)
+    lived = np.array(cuts) * run.life / run.last
     left = run.life - lived
     best = np.array([best_point(lives) for lives in law])
     told = np.array([best_point(within(lives, u, band)) for lives, u in zip(law, lived, strict=True)])
@@ -73,7 +64,7 @@ def means(every: pd.DataFrame) -> pd.DataFrame:
 def bounds(work: Work) -> pd.DataFrame:
     """What predictions that know more than they could would score: means over bearings and cuts."""
     runs, cuts, rng = work["runs"], work["cuts"], np.random.default_rng(work.seed)
-    left = {n: (len(run.indicators) - 1 - np.array(cuts[n])) * run.step_s for n, run in runs.items()}
+    left = {n: (run.last - np.array(cuts[n])) * run.step_s for n, run in runs.items()}
     lived = {n: np.array(cuts[n]) * run.step_s for n, run in runs.items()}
 
     def mean(predict: Any) -> float:

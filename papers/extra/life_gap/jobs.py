@@ -86,19 +86,14 @@ def diagnosis_inputs(work: Work) -> Inputs:
     """Where the records are, and the digests of all that a diagnosis reads."""
     read = {"learnt": shipped_digest(), **work["femto"][1]}
     read |= {name: case.digest for name, case in work["cases"].items()}
-    return {
-        "root": (root_of(work), " ".join(read.values())),
-        "config": (str(lives_config(work)), repr(work["options"])),
-    }
+    config = str(lives_config(work)), repr(work["options"])
+    return {"root": (root_of(work), " ".join(read.values())), "config": config}
 
 
 def trained(work: Work) -> list[Result[Job]]:
     """Trainings without and with the effects that were named on each run."""
-    named = {
-        r.job.bearings[0]: added(dict(r.value))
-        for r in work["diagnoses"]
-        if r.job.data == "rig" and r.job.speed == "all"
-    }
+    alone = (r for r in work["diagnoses"] if (r.job.data, r.job.speed) == ("rig", "all"))
+    named = {r.job.bearings[0]: added(dict(r.value)) for r in alone}
     found: list[Result[Job]] = []
     for name, case in work["cases"].items():
         found += work.sweep(
@@ -113,9 +108,8 @@ def added(row: dict[str, Any]) -> Added | None:
     """Effects of a verdict as part of a training; None when none is named or could be added."""
     if row["refused"] or not row["added"]:
         return None
-    return Added(
-        tuple((name, tuple(sorted(values.items()))) for name, values in row["added"].items()), float(row["scale"])
-    )  # fmt: skip
+    effects = tuple((name, tuple(sorted(values.items()))) for name, values in row["added"].items())
+    return Added(effects, float(row["scale"]))
 
 
 def trainings_of(case: Case, options: Lives, more: Added | None, size: Size) -> Iterator[Job]:

@@ -61,20 +61,15 @@ def summary(every: pd.DataFrame) -> pd.DataFrame:
     """Mean RMSE over runs by model, before and after, and the ratio with its 90 % interval over seeds."""
     out = []
     for model, own in every.groupby("model", sort=False):
-        before = own[own["added"] == ""].pivot(index="bearing", columns="seed", values="rmse_min")
-        after = own[own["added"] != ""].pivot(index="bearing", columns="seed", values="rmse_min")
+        parts = (own[own["added"] == ""], own[own["added"] != ""])
+        before, after = (part.pivot(index="bearing", columns="seed", values="rmse_min") for part in parts)
         out.append({"data": own["data"].iloc[0], "model": model, **compared(before, after)})
     return pd.DataFrame(out)
 
 
 def compared(before: pd.DataFrame, after: pd.DataFrame) -> dict[str, float]:
-    """Errors before and after, their ratio with its 90 % interval over seeds, and on how many runs it is below 1.
-
-    Parameters
-    ----------
-    before, after : DataFrame [runs, seeds]
-        RMSE, min; runs that `after` lacks count as unchanged.
-    """
+    """Errors before and after [runs, seeds], min, their ratio with its 90 % interval over seeds, and on how many runs
+    it is below 1; runs that `after` lacks count as unchanged."""
     after = after.reindex(index=before.index, columns=before.columns).fillna(before)
     ratios = (after.mean() / before.mean()).to_numpy()
     low, high = t_interval(list(ratios), 0.9)

@@ -171,10 +171,8 @@ def load_splits(work: Work) -> list[Split]:
 def split(name: str, scenario: Scenario, records: RecordSet, path: Path) -> Split:
     """Recordings that teach and that are judged; what is shorter than a window is left out.
 
-    Raises
-    ------
-    TwingapError
-        For a query that cannot be read, a part without recordings, recordings in both, or classes that nothing teaches.
+    Raises `TwingapError` for a query that cannot be read, a part without recordings, recordings in both, or classes
+    that nothing teaches.
     """
     where, table = f"{path}: scenarios.{name}", records.table
     table = table[table["n_samples"] >= scenario.window]
@@ -240,12 +238,8 @@ def read(job: Reading, root: Path | None) -> dict[str, NDArray[np.float32]]:
 def indicators(x: Array, fs_hz: float) -> Array:
     """The eleven indicators of pdm-bench's default configuration: seven of time, four of the spectrum [windows, 11].
 
-    Parameters
-    ----------
-    x : Array [windows, samples]
-    fs_hz : float
-        Sampling rate, Hz. The spectrum's mean, centre (of the amplitude times frequency), root mean square and spread
-        about the centre are in Hz, weighted by the amplitudes of the Hann-windowed transform.
+    Of windows x [windows, samples]. The spectrum's mean, centre (of the amplitude times frequency), root mean square
+    and spread about the centre are in Hz, weighted by the amplitudes of the Hann-windowed transform.
     """
     amplitude = np.abs(np.fft.rfft(x * np.hanning(x.shape[1]), axis=1))
     f = np.fft.rfftfreq(x.shape[1], 1 / fs_hz)
@@ -286,11 +280,8 @@ def trials(own: Split, work: Work) -> Iterator[Trial]:
 def run_trial(job: Trial, train: Rows, judge: Rows) -> dict[str, dict[str, Any]]:
     """Fit every method, choose its setting without labels of the judged part, judge.
 
-    Returns
-    -------
-    dict
-        Method -> `scores` of the judged windows, ``oracle`` (accuracy of the best setting by their labels),
-        ``recordings`` (accuracy of recordings by the mean probability over their windows), ``setting``.
+    Method -> `scores` of the judged windows, ``oracle`` (accuracy of the best setting by their labels), ``recordings``
+    (accuracy of recordings by the mean probability over their windows), ``setting``.
     """
     from sklearn.ensemble import RandomForestClassifier
 

@@ -79,13 +79,7 @@ class Population:
 
 
 def simulate(population: Population) -> dict[str, Any]:
-    """Images of a population, as `availability_source.simulate` gives them: a machine has a record of each class.
-
-    Returns
-    -------
-    dict
-        ``images`` float32 [images, 3, carriers, orders], ``labels`` [images], ``machine`` [images].
-    """
+    """Images of a population, as `availability.source.simulate` gives them: a machine has a record of each class."""
     own, made, labels, machine = population, [], [], []
     for number in range(own.machines):
         rng = np.random.default_rng([own.seed, number])

@@ -16,10 +16,9 @@ from typing import TYPE_CHECKING
 
 from papers.logs import log_checkpoints, log_method
 from papers.paper1_rul_varying_speed.cases import Case, Target, load_target, read_case
-from papers.paper1_rul_varying_speed.job import Job, job_of, train_and_judge
+from papers.paper1_rul_varying_speed.job import CaseResult, Job, job_of, train_and_judge
 from papers.paper1_rul_varying_speed.lives import tables
 from papers.paper1_rul_varying_speed.lives.options import Options, Profile
-from papers.paper1_rul_varying_speed.lives.results import CaseResult
 from papers.paper1_rul_varying_speed.models import architecture_of
 
 if TYPE_CHECKING:

@@ -12,10 +12,9 @@ import pandas as pd
 from papers.framework import Work
 from papers.intervals import intervals, std
 from papers.paper1_rul_varying_speed.cases import Array
+from papers.paper1_rul_varying_speed.job import CaseResult
 from papers.paper1_rul_varying_speed.lives.options import Options
-from papers.paper1_rul_varying_speed.lives.results import CaseResult
-from papers.paper1_rul_varying_speed.methods.architecture import LifeArchitecture
-from papers.paper1_rul_varying_speed.methods.critical_length import critical_length
+from papers.paper1_rul_varying_speed.methods.architecture import LifeArchitecture, critical_length
 from papers.paper1_rul_varying_speed.methods.metrics import cumulative_relative_accuracy, rmse, within_alpha
 from papers.paper1_rul_varying_speed.models import MODELS
 

@@ -1,17 +1,16 @@
-"""Parts and sizes of the network for remaining life, without torch.
-
-samples, kernels, strides, pools --> features of a record --> joined with the encodings: what the layers behind see
-"""
+"""Parts and sizes of the network for remaining life, without torch, and the length of its records (eq. 16)."""
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 from papers.paper1_rul_varying_speed.methods.encoding import D_MODEL
+from twingap.bearing import Bearing
+from twingap.errors import TwingapError
 
 LENGTH = 25000
 """Samples of a record (table 4)."""
-
 PRINTED_STRIDES = (16, 8)
 """Strides of table 1 as printed: 32 features instead of 112."""
 
@@ -46,3 +45,16 @@ class LifeArchitecture:
     def joined(self) -> int:
         """Features and encodings together: what regressor and discriminator see."""
         return self.features + self.d_model * (self.sequence + self.speed)
+
+
+def critical_length(bearing: Bearing, lowest_speed_rpm: float, fs_hz: float, impacts: int = 1) -> int:
+    """Samples that hold so many impacts of a ball defect, the rarest, at the lowest speed: L_c = F_s / BSF, eq. 16.
+
+    A ball meets both races in one spin, but the paper counts one impact, on one race. Its own case, a 6205 at 1000 rpm
+    and 50 kHz, needs 25,459 samples for 20 impacts; its 25,000 ("at least 20 impacts") hold 19.6.
+    """
+    if not (lowest_speed_rpm > 0 and fs_hz > 0 and impacts > 0):
+        raise TwingapError(
+            f"{lowest_speed_rpm:g} rpm, {fs_hz:g} Hz, {impacts} impacts: all must be above 0", where="critical length"
+        )
+    return math.ceil(impacts * fs_hz / (bearing.bsf * lowest_speed_rpm / 60))

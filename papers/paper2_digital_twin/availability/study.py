@@ -1,6 +1,6 @@
 """Declaration of the availability study."""
 
-from papers.framework import STYLE_LARGE, Step, Study
+from papers.framework import Step, Study
 from papers.paper2_digital_twin.availability import figures, jobs, tables
 
 STUDY = Study(
@@ -21,6 +21,6 @@ STUDY = Study(
     ),
     tables=tables.all_tables,
     figures=figures.all_figures,
-    style=STYLE_LARGE,
+    letters=(14, 13),
     headlines=("availability-accuracy", "availability-crossings", "availability-choice"),
 )

@@ -5,8 +5,9 @@ runs --> runs, fusion9, choice;  analyses --> fits, errors, pairs, lives;  cover
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator, Sequence
-from typing import Any
+from typing import Any, Final, Literal
 
 import numpy as np
 import pandas as pd
@@ -18,11 +19,14 @@ from papers.paper2_digital_twin.degradation.candidates import Judged
 from papers.paper2_digital_twin.degradation.jobs import Coverage, KnownLaw
 from twingap.prognosis.degradation_models import MODELS
 from twingap.prognosis.health_indicator import evaluate_candidates, offline_indicators, online_indicators
+from twingap.prognosis.indicator_criteria import causal_trend
 from twingap.sweep import Result
 
 Array = NDArray[np.float64]
 COMBINED = ("combined power 3", "combined power 5")
 EXPONENTIALS = ("exponential", "exponential with offset")
+SCALINGS: Final[tuple[Literal["z", "range"], ...]] = ("z", "range")
+ORDERS: Final[tuple[Literal["descending", "ascending"], ...]] = ("descending", "ascending")
 
 
 def shown(work: Work) -> Judged:
@@ -78,36 +82,31 @@ def fusion9(found: Sequence[Judged]) -> pd.DataFrame:
         parts = [("left out", r.run)]
         if r.whole.time_s.size > r.run.time_s.size:
             parts.append(("kept", r.whole))
-        for silent, run in parts:
-            for learnt in ("whole run", "healthy start"):
-                for scaling in ("z", "range"):
-                    for order in ("descending", "ascending"):
-                        made = (
-                            offline_indicators(run, scaling=scaling, order=order)
-                            if learnt == "whole run"
-                            else online_indicators(run, r.healthy_rows, scaling=scaling, order=order)
-                        )
-                        rows.append(
-                            {"run": r.name, "silent records": silent, "learnt from": learnt, "scaling": scaling,
-                             "order": order, **_nine(made, run.time_s, r.healthy_rows, r.trend_rows)}
-                        )  # fmt: skip
+        readings = itertools.product(parts, ("whole run", "healthy start"), SCALINGS, ORDERS)
+        for (silent, run), learnt, scaling, order in readings:
+            if learnt == "whole run":
+                made = offline_indicators(run, scaling=scaling, order=order)
+            else:
+                made = online_indicators(run, r.healthy_rows, scaling=scaling, order=order)
+            rows.append({
+                "run": r.name, "silent records": silent, "learnt from": learnt, "scaling": scaling, "order": order,
+                **_nine(made, run.time_s, r.healthy_rows, r.trend_rows),
+            })  # fmt: skip
     return pd.DataFrame(rows)
 
 
 def _nine(made: Any, time_s: Array, healthy_rows: int, trend_rows: int) -> dict[str, Any]:
     criteria = evaluate_candidates(made, time_s, healthy_rows=healthy_rows, window=trend_rows)
-    fused = {name: c for name, c in criteria.items()
-             if name.startswith("fusion ")}  # fmt: skip
+    fused = {name: c for name, c in criteria.items() if name.startswith("fusion ")}
     names = list(fused)
     out: dict[str, Any] = {"fusion features": len(names)}
     if "fusion 9" not in fused:
         return out
-    share = made.fusion.variance / made.fusion.variance.sum()
-    out["variance share"] = float(share[names.index("fusion 9")])
-    sensitivity = np.array([fused[name].sensitivity for name in names])
+    share, at = made.fusion.variance / made.fusion.variance.sum(), names.index("fusion 9")
+    out["variance share"] = float(share[at])
+    sensitivity = np.array([c.sensitivity for c in fused.values()])
     for what in ("sensitivity", "suitability", "monotonicity", "trendability"):
-        values = np.array([getattr(fused[name], what) for name in names])
-        at = names.index("fusion 9")
+        values = np.array([getattr(c, what) for c in fused.values()])
         out[f"{what} of 9"] = values[at]
         out[f"{what} rank"] = int((values > values[at]).sum()) + 1
         out[f"{what} best"] = names[int(values.argmax())]
@@ -158,7 +157,10 @@ def fits(work: Work) -> pd.DataFrame:
 
 def error_rows(work: Work) -> pd.DataFrame:
     """Errors on records after each tenth of life, also over the range that the indicator's trend runs through."""
-    ranges = {(j.run.name, name): _reach(j, x) for j in work["judged"] for name, x in j.series.items()}
+    ranges = {
+        (j.run.name, name): float(np.ptp(causal_trend(x, j.run.trend_rows)))
+        for j in work["judged"] for name, x in j.series.items()
+    }  # fmt: skip
     rows = []
     for job, values in _analyses(work):
         reach = ranges[job.run, job.indicator]
@@ -399,13 +401,6 @@ def _claim(statement: str, where: str, found: str, holds: bool) -> dict[str, Any
 def _analyses(work: Work) -> Iterator[tuple[Any, dict[str, Any]]]:
     for result in work["analyses"]:
         yield result.job, result.value
-
-
-def _reach(j: Judged, values: Array) -> float:
-    """Range of the trend of an indicator."""
-    from twingap.prognosis.indicator_criteria import causal_trend
-
-    return float(np.ptp(causal_trend(values, j.run.trend_rows)))
 
 
 def _or_none(value: float, most: float = np.inf) -> float | None:

@@ -11,6 +11,7 @@ from typing import Final
 import numpy as np
 from matplotlib.figure import Figure
 
+from papers.figures import subplots
 from papers.framework import Work
 
 ALONG, ACROSS, STATIC, MARK = "#0072B2", "#E69F00", "#444444", "#D55E00"
@@ -29,8 +30,7 @@ def normal(work: Work, setting: str) -> Figure:
     """Displacement and velocity in x and y from rest at the centre: the counterpart of figure 5."""
     shown = next(r for r in work["healthy"] if r.job.setting == setting)
     t, state = 1e3 * np.asarray(shown.value["t_s"]), np.asarray(shown.value["state"])
-    figure = Figure(figsize=(12, 7), layout="constrained")
-    panels = figure.subplots(2, 2, sharex=True)
+    figure, panels = subplots((12, 7), 2, 2, sharex=True)
     for column, (name, colour) in enumerate((("x (across the load)", ACROSS), ("y (along the load)", ALONG))):
         panels[0, column].plot(t, 1e6 * state[column], color=colour, lw=1.2, label="RK4")
         at, still = 1e3 * np.asarray(shown.value["still_t_s"]), np.asarray(shown.value["still"])[column]
@@ -56,8 +56,7 @@ def against_reference(work: Work, setting: str) -> Figure:
     theirs = np.asarray(shown.value["theirs"])
     count = theirs.shape[1]
     t, ours = 1e3 * np.asarray(shown.value["t_s"])[:count], np.asarray(shown.value["state"])[:, :count]
-    figure = Figure(figsize=(12, 7), layout="constrained")
-    panels = figure.subplots(2, 2, sharex=True)
+    figure, panels = subplots((12, 7), 2, 2, sharex=True)
     labels = ("x (µm)", "y (µm)", "velocity in x (mm/s)", "velocity in y (mm/s)")
     for place, panel in enumerate(panels.flat):
         unit = 1e6 if place < 2 else 1e3
@@ -77,8 +76,7 @@ def faults(work: Work, setting: str) -> Figure:
     wanted = [
         next(r for r in work["faulty"] if (r.job.setting, r.job.fault) == (setting, f)) for f in work.options.faults
     ]
-    figure = Figure(figsize=(13, 3.1 * len(wanted) + 0.8), layout="constrained")
-    panels = figure.subplots(len(wanted), 2, squeeze=False, sharex="col")
+    figure, panels = subplots((13, 3.1 * len(wanted) + 0.8), len(wanted), 2, squeeze=False, sharex="col")
     for row, r in enumerate(wanted):
         samples, fs_hz = np.asarray(r.value["samples"], float), r.job.fs_hz
         count = round(SHOWN_S * fs_hz)

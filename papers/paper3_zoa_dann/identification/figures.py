@@ -12,6 +12,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from papers.figures import subplots
 from papers.framework import Work
 from papers.paper3_zoa_dann.identification.agreement import aligned
 from papers.paper3_zoa_dann.identification.jobs import WORDS
@@ -42,8 +43,7 @@ def convergence(work: Work) -> Figure:
     """Least cost against evaluations, median over seeds and the range of the middle half."""
     options = work.options
     rows, columns = len(options.settings), len(options.faults)
-    figure = Figure(figsize=(4.6 * columns, 3.9 * rows + 1.2), layout="constrained")
-    panels = figure.subplots(rows, columns, squeeze=False, sharex=True)
+    figure, panels = subplots((4.6 * columns, 3.9 * rows + 1.2), rows, columns, squeeze=False, sharex=True)
     for row, setting in enumerate(options.settings):
         for column, fault in enumerate(options.faults):
             panel = panels[row, column]
@@ -57,8 +57,7 @@ def convergence(work: Work) -> Figure:
                 panel.plot(at, middle, style, color=colour, lw=2.4, label=WORDS.get(optimiser, optimiser))
             least = min(float(r.value["best"][-1]) for r in here)
             start = np.quantile([r.value["best"][min(15, len(r.value["best"]) - 1)] for r in here], 0.9)
-            panel.set_ylim(least - 0.04 * (start - least), start)
-            panel.set_title(f"{fault}, {setting} setting")
+            panel.set(ylim=(least - 0.04 * (start - least), start), title=f"{fault}, {setting} setting")
             panel.grid(color="0.9")
     for panel in panels[-1]:
         panel.set_xlabel("evaluations")
@@ -74,8 +73,7 @@ def signals(work: Work, judge: RecordSet, setting: str) -> Figure:
     """Waveforms and envelope spectra, measured and simulated, with the theoretical fault frequencies."""
     faults = work.options.faults
     wanted = f"identified, {WORDS['differential-evolution']}"
-    figure = Figure(figsize=(14.5, 3.9 * len(faults) + 1.2), layout="constrained")
-    panels = figure.subplots(len(faults), 2, squeeze=False, width_ratios=(1, 1.25))
+    figure, panels = subplots((14.5, 3.9 * len(faults) + 1.2), len(faults), 2, squeeze=False, width_ratios=(1, 1.25))
     for row, fault in enumerate(faults):
         (found,) = (
             r for r in work["comparisons"] if (r.job.fault, r.job.setting, r.job.twin) == (fault, setting, wanted)
@@ -109,8 +107,7 @@ def _waveforms(panel: Any, measured: Array, simulated: Array, fs_hz: float) -> N
     panel.plot(at, top + gap, color=MEASURED, lw=1.0)
     panel.plot(at, low, color=SIMULATED, lw=1.0)
     panel.set_yticks([0, gap], ["simulated", "measured"], rotation=90, va="center")
-    panel.set_xlim(0, at[-1])
-    panel.set_ylabel("acceleration / RMS")
+    panel.set(xlim=(0, at[-1]), ylabel="acceleration / RMS")
 
 
 def _envelopes(
@@ -137,7 +134,6 @@ def _envelopes(
             text.replace("2 2 BSF", "4 BSF").replace("3 2 BSF", "6 BSF"), (at, 1.2), ha="center", va="bottom",
             color=MARK, fontsize=13, bbox={"facecolor": "white", "edgecolor": "none", "pad": 1.5},
         )  # fmt: skip
-    panel.set_ylim(-1.1, 1.5)
-    panel.set_xlim(0, HIGHEST_HZ)
+    panel.set(ylim=(-1.1, 1.5), xlim=(0, HIGHEST_HZ))
     panel.set_yticks([-1, 0, 1], ["1", "0", "1"])
     panel.set_ylabel("envelope line / highest")

@@ -1,6 +1,6 @@
 """Declaration of the identification study."""
 
-from papers.framework import STYLE_LARGE, Step, Study
+from papers.framework import Step, Study
 from papers.paper3_zoa_dann.identification import figures, jobs, tables
 
 STUDY = Study(
@@ -16,6 +16,6 @@ STUDY = Study(
     ),
     tables=tables.all_tables,
     figures=figures.all_figures,
-    style=STYLE_LARGE,
+    letters=(14, 13),
     headlines=("identification-drops", "identification-recovery"),
 )
