@@ -10,7 +10,7 @@ import pandas as pd
 from papers.extra.transfer_gap import jobs
 from papers.extra.transfer_gap.jobs import KINDS
 from papers.framework import Step, Study, Work
-from papers.paper2_digital_twin.availability.jobs import NetworkJob, network
+from papers.paper2_digital_twin.availability.jobs import NetworkJob, load_sets, network
 from papers.paper2_digital_twin.availability.records import TITLES, Measured
 from papers.paper2_digital_twin.availability.split import SPLITS
 from papers.paper3_zoa_dann.significance import sign_flip
@@ -64,7 +64,7 @@ STUDY = Study(
     title="what the paper's twin teaches, with its gap closed and without",
     options=jobs.Options,
     steps=(
-        Step("records", jobs.load_sets),
+        Step("records", load_sets),
         Step("data", jobs.measured),
         Step("populations", jobs.simulate, jobs.populations),
         Step("networks", network, jobs.networks, jobs.inputs),

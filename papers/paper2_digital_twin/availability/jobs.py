@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from papers.options import expect, read
 from papers.paper2_digital_twin.availability.records import TITLES, WINDOW, Measured, at_hand, backgrounds, measure
 from papers.paper2_digital_twin.availability.source import (
     Background,
@@ -38,7 +39,6 @@ from papers.paper2_digital_twin.methods.scalograms import ImageOptions, Images, 
 from papers.paper2_digital_twin.methods.severity import MapOptions, healthy_map
 from twingap.adapt.selection import CRITERIA, Evidence, select
 from twingap.adapt.training import Outputs
-from twingap.config import build, read_toml
 from twingap.errors import TwingapError
 from twingap.provenance import digest_of_value
 from twingap.records import RecordSet
@@ -83,12 +83,11 @@ class Options:
     profiles: dict[str, Size]
 
 
-def check_options(options: Options, path: Path) -> None:
+def check(options: Options, path: Path) -> None:
     """Refuse what the types of the entries allow and the study cannot do."""
-    if options.criterion not in CRITERIA:
-        raise TwingapError(f"criterion = {options.criterion!r}, one of {', '.join(CRITERIA)} expected", where=path)
-    if any(name not in TITLES for name in options.data) or not options.data:
-        raise TwingapError(f"data = {list(options.data)}, some of {', '.join(TITLES)} expected", where=path)
+    expect(options.criterion, CRITERIA, f"{path}: criterion")
+    for name in options.data:
+        expect(name, TITLES, f"{path}: data")
     if options.folds < 2 or any(count < 1 for count in options.counts):
         raise TwingapError("two folds or more and counts of 1 or more expected", where=path)
     if max(options.source.pooled) != options.source.pooled[-1]:
@@ -97,9 +96,7 @@ def check_options(options: Options, path: Path) -> None:
 
 def read_options(path: Path = CONFIG) -> Options:
     """The study's configuration, for studies that share it."""
-    options = build(Options, read_toml(path), path)
-    check_options(options, path)
-    return options
+    return read(Options, check, path)
 
 
 @dataclass(frozen=True)
@@ -160,11 +157,8 @@ def baseline_of(data: Measured, judge: Sequence[str]) -> Array:
 
 def strips(data: Measured, recording: str, baseline: Array, image: ImageOptions, size: int) -> Images:
     """A recording as images of up to `size` consecutive pieces each."""
-    return _pooled(data, data.pieces([recording]), baseline, image, size)
-
-
-def _pooled(data: Measured, places: Places, baseline: Array, image: ImageOptions, size: int) -> Images:
-    found = [Modulation(data.found.lines[p], data.found.power[p]).pooled() for p in _parts(places, size)]
+    parts = _parts(data.pieces([recording]), size)
+    found = [Modulation(data.found.lines[p], data.found.power[p]).pooled() for p in parts]
     whole = Modulation(np.concatenate([f.lines for f in found]), np.concatenate([f.power for f in found]))
     return images(whole, baseline, image)
 
@@ -178,13 +172,7 @@ def network(job: NetworkJob, data: Mapping[str, Measured], source: Mapping[str, 
     """Train on the twin's images, choose without labels, judge; then correct it by few labels, and judge.
 
     The network itself learns from no label: the head's mean must not have seen the records that it is corrected by.
-
-    Parameters
-    ----------
-    data : Mapping[str, Measured]
-        Data sets by name.
-    source : Mapping[str, Any]
-        Of `availability_source.simulate`, by ``data kind fold``.
+    `source` holds what `source.simulate` gives, by ``data kind fold``.
 
     Returns
     -------
@@ -211,7 +199,9 @@ def network(job: NetworkJob, data: Mapping[str, Measured], source: Mapping[str, 
         learn = [r for r in own.recordings if r not in judge]
         known = np.isin(owner, learn)
         # The choice looks at the recordings that may be learnt from, without their labels, never at those judged.
-        choosing = [Evidence(e.source, e.source_labels, _some(e.target, known)) for e in seen]
+        choosing = [
+            Evidence(e.source, e.source_labels, Outputs(e.target.logits[known], e.target.features[known])) for e in seen
+        ]
         place = select(choosing, job.criterion)
         calls = [_calls(e.target.probabilities, owner, judge) for e in seen]
         rows: dict[str, Any] = {"0": {"calls": calls[place], "labels": 0}}
@@ -253,22 +243,18 @@ def shallow(job: ShallowJob, data: Mapping[str, Measured]) -> dict[str, Any]:
             f, y = own.features[places], truth[places]
             svm = fit_few_labels(f, y, own.recording[places], n_classes)
             maps = fit_class_maps(f, y, n_classes, job.maps, rng)
-            for name, told in (
-                ("SVM", svm.probabilities(own.features[asked])),
-                ("SOM-MQE", maps.probabilities(own.features[asked])),
-            ):
-                row: dict[str, Any] = {
-                    "calls": _calls(told, own.recording[asked], judge),
-                    "labels": counts_of(own, places),
-                }
-                if name == "SVM":
-                    row |= {"cross-validated": svm.cross_validated}
-                out[split][name][str(count)] = row
+            for name, made in (("SVM", svm), ("SOM-MQE", maps)):
+                called = _calls(made.probabilities(own.features[asked]), own.recording[asked], judge)
+                out[split][name][str(count)] = {"calls": called, "labels": counts_of(own, places)}
     return out
 
 
 def alarm(job: AlarmJob, data: Mapping[str, Measured]) -> dict[str, Any]:
-    """Healthy map of all healthy recordings but one; MQE and alarms of every recording."""
+    """Healthy map of all healthy recordings but one; MQE and alarms of every recording.
+
+    A recording alarms when more than half of its windows do. They stand and fall together, so no independence is
+    assumed: by Markov's inequality a healthy recording alarms with a probability of at most 2 `false_alarm`.
+    """
     own = data[job.data]
     healthy = [h for h in own.healthy() if h != job.without]
     inside = np.isin(own.window_recording, healthy)
@@ -277,12 +263,11 @@ def alarm(job: AlarmJob, data: Mapping[str, Measured]) -> dict[str, Any]:
     )
     rows = {}
     for r in own.recordings:
-        mine = own.windows[own.window_recording == r]
-        mqe = made.mqe(mine)
+        mqe = made.mqe(own.windows[own.window_recording == r])
+        share = float((mqe > made.threshold).mean())
         rows[r] = {
-            "windows": len(mine), "mqe": float(np.median(mqe)), "mqe low": float(np.quantile(mqe, 0.1)),
-            "mqe high": float(np.quantile(mqe, 0.9)), "share": float((mqe > made.threshold).mean()),
-            "alarm": made.recording_alarms(mine),
+            "mqe": float(np.median(mqe)), "mqe low": float(np.quantile(mqe, 0.1)),
+            "mqe high": float(np.quantile(mqe, 0.9)), "share": share, "alarm": share > 0.5,
         }  # fmt: skip
     held = {h: float((made.held_out[own.window_recording[inside] == h] > made.threshold).mean()) for h in healthy}
     return {"threshold": made.threshold, "healthy windows": int(inside.sum()), "recordings": rows, "held out": held}
@@ -294,13 +279,9 @@ def false_alarms(job: CheckJob) -> dict[str, Any]:
     each = [window_features(pieces_of(x, WINDOW), np.median) for x in made]
     group = np.concatenate([[f"r{i}"] * len(f) for i, f in enumerate(each[:3])])
     own = healthy_map(np.concatenate(each[:3]), group, job.false_alarm, np.random.default_rng(job.seed), job.maps)
-    shares = [float(own.alarms(f).mean()) for f in each[3:]]
+    shares = [float((own.mqe(f) > own.threshold).mean()) for f in each[3:]]
     return {"windows": sum(map(len, each[3:])), "share": float(np.mean(shares)), "alarms": sum(s > 0.5 for s in shares),
             "recordings": len(shares)}  # fmt: skip
-
-
-def _some(outputs: Outputs, keep: NDArray[np.bool_]) -> Outputs:
-    return Outputs(outputs.logits[keep], outputs.features[keep])
 
 
 def _calls(probabilities: Array, owner: NDArray[np.str_], judge: Sequence[str]) -> dict[str, int]:

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from papers.paper2_digital_twin.availability.source import Background
 from papers.paper2_digital_twin.methods.condition_features import line_features, window_features
 from papers.paper2_digital_twin.methods.scalograms import ImageOptions, Modulation, modulation, pieces_of
+from twingap import data
 from twingap.bearing import BEARINGS, Bearing
 from twingap.data import NotAtHandError
 from twingap.errors import TwingapError
@@ -82,11 +83,7 @@ class Measured:
 
 def load(name: str, root: Path | None, rig_duration_s: float = 4.0) -> RecordSet:
     """The data set, at the rate at which it is judged."""
-    from twingap import data
-
-    if name == "virtual_cwru":
-        return data.load(name, duration_s=rig_duration_s)
-    return data.load(name, root, fs_hz=RATE_HZ[name])
+    return data.load(name, duration_s=rig_duration_s) if name == RIG else data.load(name, root, fs_hz=RATE_HZ[name])
 
 
 def measure(records: RecordSet, name: str, options: ImageOptions) -> Measured:
@@ -95,13 +92,11 @@ def measure(records: RecordSet, name: str, options: ImageOptions) -> Measured:
     A recording that is only at hand in short windows (98.mat of CWRU) becomes pieces of as many windows as make the
     length of a piece; each window's spectrum has less resolution, and their powers are averaged.
     """
-    classes = CLASSES[name]
-    lines, power, features, recording, windows, window_recording = ([] for _ in range(6))
+    classes, bearing, parts = CLASSES[name], records.bearing or BEARINGS["6205"], []
     labels: dict[str, int] = {}
     bearings: dict[str, str] = {}
     sizes: dict[str, float] = {}
     speeds: dict[str, float] = {}
-    bearing = records.bearing or BEARINGS["6205"]
     for group in records.groups:
         places = [i for i, c in enumerate(records.conditions) if c.group == group]
         first = records.conditions[places[0]]
@@ -127,17 +122,14 @@ def measure(records: RecordSet, name: str, options: ImageOptions) -> Measured:
                 raw.power.reshape(count, per, -1).mean(axis=1),
             )
             short = np.split(every[:, :WINDOW], count)
-        lines.append(found.lines)
-        power.append(found.power)
         own = np.stack([window_features(s).mean(axis=0) for s in short])
-        features.append(np.concatenate((own, line_features(found, bearing, options)), axis=-1))
-        recording += [group] * len(found)
-        windows.append(window_features(np.concatenate(short), np.median))
-        window_recording += [group] * len(windows[-1])
+        features = np.concatenate((own, line_features(found, bearing, options)), axis=-1)
+        parts.append((found.lines, found.power, features, window_features(np.concatenate(short), np.median)))
+    lines, power, features, windows = (np.concatenate(part) for part in zip(*parts, strict=True))
+    recording, window_recording = (np.repeat(list(labels), [len(part[i]) for part in parts]) for i in (0, 3))
     return Measured(
-        name, bearing, classes, Modulation(np.concatenate(lines), np.concatenate(power)), np.concatenate(features),
-        np.array(recording), np.concatenate(windows), np.array(window_recording), labels, bearings, sizes, speeds,
-        records.conditions[0].fs_hz,
+        name, bearing, classes, Modulation(lines, power), features, recording, windows, window_recording, labels,
+        bearings, sizes, speeds, records.conditions[0].fs_hz,
     )  # fmt: skip
 
 

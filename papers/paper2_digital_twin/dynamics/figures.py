@@ -11,11 +11,10 @@ from typing import Final
 import numpy as np
 from matplotlib.figure import Figure
 
-from papers.figures import subplots
+from papers.figures import LINE_NAMES, subplots
 from papers.framework import Work
 
 ALONG, ACROSS, STATIC, MARK = "#0072B2", "#E69F00", "#444444", "#D55E00"
-NAMES: Final = {"outer": "BPFO", "inner": "BPFI", "ball": "2 BSF"}
 SHOWN_S: Final = 0.1
 
 
@@ -81,15 +80,13 @@ def faults(work: Work, setting: str) -> Figure:
         samples, fs_hz = np.asarray(r.value["samples"], float), r.job.fs_hz
         count = round(SHOWN_S * fs_hz)
         panels[row, 0].plot(1e3 * np.arange(count) / fs_hz, samples[:count], color=ALONG, lw=0.9)
-        panels[row, 0].set_ylabel("acceleration (m/s²)")
-        panels[row, 0].set_title(f"{r.job.fault}: RMS {r.value['rms'] / r.value['healthy_rms']:.3g} times healthy")
+        title = f"{r.job.fault}: RMS {r.value['rms'] / r.value['healthy_rms']:.3g} times healthy"
+        panels[row, 0].set(ylabel="acceleration (m/s²)", title=title)
         lines = np.asarray(r.value["lines"])
         panels[row, 1].plot(np.asarray(r.value["order"]), lines / lines.max(), color=ALONG, lw=1.1, zorder=3)
         panels[row, 1].axvline(r.value["expected"], color=MARK, ls="--", lw=1.6, zorder=1)
-        panels[row, 1].set_title(
-            f"{NAMES[r.job.fault]} = {r.value['expected']:.3f} orders, found {r.value['found']:.3f}"
-        )
-        panels[row, 1].set_ylabel("envelope line / highest")
+        title = f"{LINE_NAMES[r.job.fault]} = {r.value['expected']:.3f} orders, found {r.value['found']:.3f}"
+        panels[row, 1].set(title=title, ylabel="envelope line / highest")
         panels[row, 1].grid(color="0.9")
     panels[-1, 0].set_xlabel("time (ms)")
     panels[-1, 1].set_xlabel("order (multiples of shaft speed)")

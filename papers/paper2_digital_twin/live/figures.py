@@ -64,11 +64,9 @@ def _parameter(panel: Any, course: Any, arms: Any, name: str, title: str) -> Non
     begin = 0.0
     for arm in ("laws alone", "live"):
         found = arms[arm]["updates"]
-        known = [i for i, kind in enumerate(found["kind"]) if kind == "commissioning"]
-        place = known[0]
-        begin = found["time_s"][place]
-        times = np.array([found["time_s"][i] for i in range(place, len(found["kind"]))])
-        values = np.array([found[f"{name} to"][i] for i in range(place, len(found["kind"]))])
+        place = list(found["kind"]).index("commissioning")
+        times, values = (np.asarray(found[column])[place:] for column in ("time_s", f"{name} to"))
+        begin = times[0]
         colour, style = LINES[arm]
         panel.step(
             np.append(times, at[-1]) / 3600, np.append(values, values[-1]) / values[0], style, where="post",

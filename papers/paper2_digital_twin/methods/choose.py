@@ -51,8 +51,6 @@ def choose(
 ) -> Choice:  # fmt: skip
     """Choose a method by what is labelled.
 
-    Raises `TwingapError` for negative numbers or no fault.
-
     Parameters
     ----------
     n_labelled_per_class : mapping or int

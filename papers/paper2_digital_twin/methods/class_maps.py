@@ -41,15 +41,7 @@ class ClassMaps:
 def fit_class_maps(
     features: Array, labels: NDArray[np.int64], n_classes: int, options: MapOptions, rng: np.random.Generator
 ) -> ClassMaps:
-    """Train a map on the records of each class.
-
-    Parameters
-    ----------
-    features : Array [records, features]
-    labels : NDArray[int64] [records]
-    """
+    """Train a map on the records [records, features] of each class."""
     scaling = scaling_of(features, options.least_spread)
-    maps = [
-        fit_map(features[labels == c], options, rng, scaling) if (labels == c).any() else None for c in range(n_classes)
-    ]
-    return ClassMaps(tuple(maps))
+    own = (features[labels == c] for c in range(n_classes))
+    return ClassMaps(tuple(fit_map(x, options, rng, scaling) if len(x) else None for x in own))

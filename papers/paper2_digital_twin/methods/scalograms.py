@@ -89,14 +89,9 @@ def pieces_of(x: Array, length: int) -> Array:
 
 
 def modulation(x: Array, fs_hz: float, speed_rpm: float, options: ImageOptions) -> Modulation:
-    """Scalogram of each piece and the order spectrum of each of its rows.
+    """Scalogram of each piece x [pieces, samples] and the order spectrum of each of its rows.
 
-    Raises `TwingapError` for pieces longer than `options.turns`, or samples that are not finite.
-
-    Parameters
-    ----------
-    x : Array [pieces, samples]
-        A piece that is shorter than `options.turns` shows the same orders, with less resolution.
+    A piece that is shorter than `options.turns` shows the same orders, with less resolution; longer ones are refused.
     """
     full = options.piece_samples(fs_hz, speed_rpm)
     if x.shape[-1] > full:
@@ -118,18 +113,11 @@ def modulation(x: Array, fs_hz: float, speed_rpm: float, options: ImageOptions) 
 
 
 def images(found: Modulation, healthy_power: Array, options: ImageOptions) -> Images:
-    """What the network sees.
+    """What the network sees [pieces, 3, carriers, orders], beside the level of the carriers of the same machine in good
+    order.
 
-    Parameters
-    ----------
-    healthy_power : Array [carriers]
-        Of the same machine in good order: its baseline.
-
-    Returns
-    -------
-    Images [pieces, 3, carriers, orders]
-        log10 of: lines over Gaussian noise; lines over the median of their row around them; level over the baseline,
-        the same in all columns.
+    log10 of: lines over Gaussian noise; lines over the median of their row around them; level over the baseline, the
+    same in all columns.
     """
     lines = np.maximum(found.lines, 1e-6)
     width = 2 * round(_FLOOR_ORDERS * options.turns) + 1

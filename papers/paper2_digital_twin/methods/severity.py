@@ -48,16 +48,9 @@ class FeatureMap:
     spread: Array
 
     def mqe(self, features: Array) -> Array:
-        """Distance of each window from its best matching unit.
+        """Distance of each window [windows, features] from its best matching unit [windows]; 0 on a unit.
 
-        Parameters
-        ----------
-        features : Array [windows, features]
-
-        Returns
-        -------
-        Array [windows]
-            In standard deviations of the training features (Euclidean over features); 0 on a unit.
+        In standard deviations of the training features (Euclidean over features).
         """
         x = (np.atleast_2d(features) - self.centre) / self.spread
         square = (x**2).sum(axis=1)[:, None] - 2 * x @ self.weights.T + (self.weights**2).sum(axis=1)
@@ -71,12 +64,12 @@ def fit_map(
 ) -> FeatureMap:
     """Train a map on windows of one state.
 
-    Raises `TwingapError` for features that are not finite.
+    With fewer windows than units, the grid shrinks until it has no more units than windows. Raises `TwingapError` for
+    features that are not finite.
 
     Parameters
     ----------
     features : Array [windows, features]
-        Of one window or more; with fewer windows than units, the grid shrinks until it has no more units than windows.
     rng : numpy.random.Generator
         Drawn from once, for the order of the windows.
     scaling : (Array, Array) or None
@@ -93,13 +86,8 @@ def fit_map(
         return FeatureMap(scaled.mean(axis=0, keepdims=True), centre, spread)
     from minisom import MiniSom
 
-    net = MiniSom(
-        side, side, scaled.shape[1], sigma=side / 3, learning_rate=options.learning_rate, random_seed=seed
-    )  # fmt: skip
-    if scaled.shape[1] > 1:
-        net.pca_weights_init(scaled)
-    else:
-        net.random_weights_init(scaled)
+    net = MiniSom(side, side, scaled.shape[1], sigma=side / 3, learning_rate=options.learning_rate, random_seed=seed)
+    net.pca_weights_init(scaled)
     net.train(scaled, options.epochs * len(scaled), random_order=True)
     return FeatureMap(np.asarray(net.get_weights(), dtype=np.float64).reshape(side**2, -1), centre, spread)
 
@@ -114,9 +102,8 @@ def conformal_threshold(scores: Array, false_alarm: float) -> float:
     """The score above which a window alarms, from scores of healthy windows that the map did not see.
 
     The k-th smallest of n scores, k = ceil((n + 1) (1 - false_alarm)): one more score of the same kind exceeds it with
-    a probability of at most `false_alarm` (exactly 1 - k / (n + 1) without ties).
-
-    Raises `TwingapError` for a rate outside 0 to 1, or fewer scores than the rate needs (99 for 1 %).
+    a probability of at most `false_alarm` (exactly 1 - k / (n + 1) without ties). Raises `TwingapError` for a rate
+    outside 0 to 1, or fewer scores than the rate needs (99 for 1 %).
     """
     if not 0 < false_alarm < 1:
         raise TwingapError(f"false_alarm = {false_alarm!r}, a fraction between 0 and 1 expected", where="threshold")
@@ -135,40 +122,23 @@ def conformal_threshold(scores: Array, false_alarm: float) -> float:
 class HealthyMap:
     map: FeatureMap  # of all healthy windows
     threshold: float  # MQE above which a window alarms
-    false_alarm: float  # rate for which it was set, a window
     # [windows] MQE of each healthy window against a map that saw nothing of its group: what the threshold was read off
     held_out: Array
 
     def mqe(self, features: Array) -> Array:
         return self.map.mqe(features)
 
-    def alarms(self, features: Array) -> NDArray[np.bool_]:
-        return np.asarray(self.mqe(features) > self.threshold)
-
-    def recording_alarms(self, features: Array) -> bool:
-        """Whether a recording, given by its windows, alarms: when more than half of them do.
-
-        The windows of a recording stand and fall together, so no independence is assumed: by Markov's inequality a
-        healthy recording alarms with a probability of at most 2 `false_alarm`.
-        """
-        return bool(self.alarms(features).mean() > 0.5)
-
 
 def healthy_map(
-    features: Array,
-    groups: NDArray[np.str_],
-    false_alarm: float,
-    rng: np.random.Generator,
-    options: MapOptions | None = None,
-    blocks: int = 5,
-) -> HealthyMap:
-    """Train on healthy windows and calibrate the alarm on healthy windows held out.
+    features: Array, groups: NDArray[np.str_], false_alarm: float, rng: np.random.Generator,
+    options: MapOptions | None = None, blocks: int = 5,
+) -> HealthyMap:  # fmt: skip
+    """Train on healthy windows [windows, features] and calibrate the alarm on healthy windows held out.
 
     Raises `TwingapError` for fewer windows than the rate needs.
 
     Parameters
     ----------
-    features : Array [windows, features]
     groups : NDArray[str] [windows]
         Recording of each window. With two or more, each is held out in turn, so that the threshold knows how much
         healthy recordings differ; a single one is cut into `blocks` consecutive stretches instead, and then the rate
@@ -185,4 +155,4 @@ def healthy_map(
         out = parts == part
         held_out[out] = fit_map(features[~out], own, rng).mqe(features[out])
     threshold = conformal_threshold(held_out, false_alarm)
-    return HealthyMap(fit_map(features, own, rng), threshold, false_alarm, held_out)
+    return HealthyMap(fit_map(features, own, rng), threshold, held_out)

@@ -14,27 +14,20 @@ from twingap.signal._input import Array, as_signals, positive
 def scalogram(
     x: ArrayLike, fs_hz: float, frequencies_hz: ArrayLike, *, bandwidth: float = 1.5, centre: float = 1.0
 ) -> Array:
-    """Modulus of the continuous wavelet transform with the complex Morlet wavelet.
+    """Modulus of the continuous wavelet transform with the complex Morlet wavelet [..., frequencies, samples].
 
-    Raises `TwingapError` for NaN, infinities, or frequencies out of range.
+    Peak amplitude, unit of x: a tone of amplitude A reads A in its row, away from the record's ends.
 
     Parameters
     ----------
     x : array_like [..., samples]
         The mean is not taken out.
-    fs_hz : float
-        Sampling rate, Hz.
     frequencies_hz : array_like [frequencies]
-        Above 0 and below half the rate. Close to half the rate amplitudes read low, as part of the wavelet's band lies
-        beyond it (2 % at 0.4 of the rate with the defaults, 38 % at 0.45).
+        Above 0 and below half the rate `fs_hz`. Close to half the rate amplitudes read low, as part of the wavelet's
+        band lies beyond it (2 % at 0.4 of the rate with the defaults, 38 % at 0.45).
     bandwidth, centre : float
         Of PyWavelets' ``cmorB-C``, exp(-t^2 / B) exp(2 pi j C t) / sqrt(pi B): C sqrt(B) says how many oscillations a
         wavelet holds, so more of it resolves frequency better and time worse.
-
-    Returns
-    -------
-    Array [..., frequencies, samples]
-        Peak amplitude, unit of x: a tone of amplitude A reads A in its row, away from the record's ends.
     """
     import pywt
 
@@ -47,8 +40,6 @@ def scalogram(
             f"one row between 0 and {rate / 2:g} Hz expected",
             where=where,
         )
-    positive(bandwidth, "bandwidth", where=where)
-    positive(centre, "centre", where=where)
     scales = centre * rate / frequencies
     wavelet = pywt.ContinuousWavelet(f"cmor{bandwidth!r}-{centre!r}")
     # The wavelet must have died away where PyWavelets cuts it off (at 8 by default).
