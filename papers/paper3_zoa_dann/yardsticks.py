@@ -33,7 +33,8 @@ def majority(labels: NDArray[np.int64], n_classes: int) -> float:
 def analyst(
     windows: Windows, bearing: Bearing, classes: tuple[str, ...], false_alarm: float, band: Read = "whole"
 ) -> Array:
-    """The analyst's rule: the fault whose order stands out most in the squared-envelope spectrum, or healthy.
+    """The analyst's rule: the fault whose order stands out most in the squared-envelope spectrum, or healthy [windows,
+    classes], one-hot.
 
     Parameters
     ----------
@@ -45,11 +46,6 @@ def analyst(
     band : {"whole", "impulsive"}
         Demodulate all of each window, or the band of its kurtogram with the highest kurtosis, at least three times as
         wide as the highest fault frequency.
-
-    Returns
-    -------
-    Array [windows, classes]
-        One-hot.
     """
     length = windows.samples.shape[1]
     # Recordings of almost equal length share a threshold: simulating theirs takes seconds.

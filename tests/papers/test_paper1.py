@@ -100,7 +100,7 @@ def config(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def case_of(records: list[Record], options: Options) -> Case:
     runs = RecordSet.from_records("smart_maintenance", "g", BEARINGS["6205"], records)
-    return read_case(Target(runs, "stand-in", True, {}), "A148", options.target, options.adaptation)
+    return read_case(Target(runs, "stand-in", {}), "A148", options.target, options.adaptation)
 
 
 @pytest.fixture(scope="module")

@@ -84,7 +84,7 @@ def results(work: Work) -> list[tuple[str, Result[Trial]]]:
             labelled = windows_to_adapt_to(task, target.records, "balanced", ready.cell.unseen)
             made = work.sweep(
                 run_trial, trials(ready, task.name, common.judging.criterion),
-                {"material": (ready.material, ready.material.digest), "labelled": (labelled, None)},
+                ready.inputs | {"labelled": (labelled, None)},
                 lambda job: f"{job.task}, {job.source}, unseen {job.unseen}, seed {job.seed}", f"task {task.name}",
             )  # fmt: skip
             found += [(target.title, own) for own in made]

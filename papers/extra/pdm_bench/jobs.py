@@ -10,7 +10,7 @@ labels; the forest and "No adaptation" are fitted without them.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from papers.extra.baselines.jobs import PLAIN, SETTINGS, chosen, scores
+from papers.options import expect
 from twingap import data as datasets
 from twingap.adapt import CRITERIA, Windows
 from twingap.adapt.fleets import Fleets
@@ -131,15 +132,12 @@ class Trial:
 
 def check(options: Options, path: Path) -> None:
     """Refuse names that do not exist, and windows that cannot be cut."""
-    asked = {name: "scenarios" for size in options.profiles.values() for name in size.scenarios}
-    asked |= {options.criterion: "criteria"} | {own.data: "data sets" for own in options.scenarios.values()}
-    known: dict[str, Collection[str]] = {
-        "scenarios": options.scenarios, "criteria": CRITERIA, "data sets": TITLES,
-    }  # fmt: skip
-    for name, kind in asked.items():
-        if name not in known[kind]:
-            raise TwingapError(f"{name!r} is not one of the {kind}", where=path, mend=f"use {', '.join(known[kind])}")
+    expect(options.criterion, CRITERIA, f"{path}: criterion")
+    for profile, size in options.profiles.items():
+        for name in size.scenarios:
+            expect(name, options.scenarios, f"{path}: profiles.{profile}.scenarios")
     for name, own in options.scenarios.items():
+        expect(own.data, TITLES, f"{path}: scenarios.{name}.data")
         if own.window < 2 or not 0 <= own.overlap < 1 or len(own.published) != 2:
             what = "window > 1, 0 <= overlap < 1 and two published counts expected"
             raise TwingapError(what, where=f"{path}: scenarios.{name}")

@@ -54,12 +54,11 @@ def networks(work: Work) -> list[tuple[str, Result[Trial]]]:
     for task, target in work["tasks"]:
         chosen = [cell for cell in cells(task, size, work.seed) if _asked(cell, task.same_bearings)]
         for ready in prepared(work, task, target, common, size, chosen):
+            jobs = trials(ready, task, options, common, size.steps)
             with kept_modes(work.out) as modes:
+                inputs = ready.inputs | {"device": (work.device, None), "modes": (modes, None)}
                 trained = work.sweep(
-                    run_trial, trials(ready, task, options, common, size.steps),
-                    {"material": (ready.material, ready.material.digest), "device": (work.device, None),
-                     "modes": (modes, None)},
-                    lambda job: f"{job.words}, {job.inputs.quantity}", f"task {task.name}",
-                )  # fmt: skip
+                    run_trial, jobs, inputs, lambda job: f"{job.words}, {job.inputs.quantity}", f"task {task.name}"
+                )
             found += [(target.title, own) for own in trained]
     return found

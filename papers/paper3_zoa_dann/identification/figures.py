@@ -12,7 +12,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from papers.figures import subplots
+from papers.figures import LINE_NAMES, subplots
 from papers.framework import Work
 from papers.paper3_zoa_dann.identification.agreement import aligned
 from papers.paper3_zoa_dann.identification.jobs import WORDS
@@ -27,7 +27,6 @@ LINES: Final = {
     "random": ("#666666", ":"),
 }
 MEASURED, SIMULATED, MARK = "#444444", "#0072B2", "#D55E00"
-NAMES: Final = {"outer": "BPFO", "inner": "BPFI", "ball": "2 BSF"}
 SHOWN_S: Final = 0.1
 """Length of the waveforms shown, s: three turns."""
 HIGHEST_HZ: Final = 520.0
@@ -81,13 +80,12 @@ def signals(work: Work, judge: RecordSet, setting: str) -> Figure:
         record = judge[[c.fault for c in judge.conditions].index(fault)]
         simulated, fs_hz = np.asarray(found.value["simulated"], float), record.condition.fs_hz
         _waveforms(panels[row, 0], record.samples, simulated, fs_hz)
-        order = work["halves"][0].bearing.fault_order(fault) * record.condition.speed_rpm / 60
-        _envelopes(
-            panels[row, 1], record.samples, simulated, fs_hz, order, record.condition.speed_rpm / 60, NAMES[fault]
-        )
+        name, shaft_hz = LINE_NAMES[fault], record.condition.speed_rpm / 60
+        fault_hz = work["halves"][0].bearing.fault_order(fault) * record.condition.speed_rpm / 60
+        _envelopes(panels[row, 1], record.samples, simulated, fs_hz, fault_hz, shaft_hz, name)
         title = f"{fault}: K = {found.job.stiffness:.2e} N/m$^{{1.5}}$, c = {found.job.damping:.0f} N s/m"
         panels[row, 0].set_title(title)
-        panels[row, 1].set_title(f"{NAMES[fault]} = {order:.1f} Hz")
+        panels[row, 1].set_title(f"{name} = {fault_hz:.1f} Hz")
     panels[-1, 0].set_xlabel("time (ms)")
     panels[-1, 1].set_xlabel("frequency (Hz)")
     figure.legend(*panels[0, 1].get_legend_handles_labels(), loc="outside lower center", ncols=3)
@@ -120,13 +118,10 @@ def _envelopes(
     ):
         spectrum = squared_envelope_spectrum(samples, fs_hz)
         inside = (spectrum.frequency > 2) & (spectrum.frequency < HIGHEST_HZ)
-        values = spectrum.values[inside]
-        panel.plot(
-            spectrum.frequency[inside], sign * values / values.max(), color=colour, lw=1.3, label=label, zorder=3
-        )
-    marks = [
-        (n * fault_hz, f"{n if n > 1 else ''} {name}".strip(), "--") for n in range(1, int(HIGHEST_HZ / fault_hz) + 1)
-    ]
+        hz, values = spectrum.frequency[inside], spectrum.values[inside]
+        panel.plot(hz, sign * values / values.max(), color=colour, lw=1.3, label=label, zorder=3)
+    harmonics = range(1, int(HIGHEST_HZ / fault_hz) + 1)
+    marks = [(n * fault_hz, f"{n if n > 1 else ''} {name}".strip(), "--") for n in harmonics]
     marks.append((shaft_hz, "$f_r$", ":"))
     for place, (at, text, style) in enumerate(marks):
         panel.axvline(at, color=MARK, ls=style, lw=1.5, zorder=1, label="theoretical frequency" if place == 0 else None)

@@ -89,11 +89,9 @@ def drops(found: pd.DataFrame, options: Options) -> pd.DataFrame:
                     name = f"{kind} {metric}"
                     change = 100 * (1 - after[name] / before[name])
                     row |= {
-                        f"{metric} %": change.mean(),
-                        f"{metric} least": change.min(),
-                        f"{metric} most": change.max(),
-                    }
-                    row[f"{metric} published"] = published if setting == "paper" else None
+                        f"{metric} %": change.mean(), f"{metric} least": change.min(), f"{metric} most": change.max(),
+                        f"{metric} published": published if setting == "paper" else None,
+                    }  # fmt: skip
                 rows.append(row)
     return pd.DataFrame(rows)
 
