@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from papers.arrays import Array
 from papers.paper1_rul_varying_speed.lives.options import TargetOptions
 from papers.paper1_rul_varying_speed.methods.adaptive_twin import (
     Adaptation,
@@ -32,8 +33,6 @@ from twingap.errors import TwingapError
 from twingap.prognosis import normalised_peak_to_peak
 from twingap.records import RecordSet
 from twingap.rigs import SmartMaintenanceRig, stored_records, truth
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -11,8 +11,9 @@ from typing import Any
 
 import numpy as np
 
+from papers.arrays import Array
 from papers.embedding import embed
-from papers.paper1_rul_varying_speed.cases import Array, Case, Known
+from papers.paper1_rul_varying_speed.cases import Case, Known
 from papers.paper1_rul_varying_speed.lives.options import Options
 from papers.paper1_rul_varying_speed.methods import training as learning
 from papers.paper1_rul_varying_speed.methods.architecture import LifeArchitecture

@@ -20,9 +20,9 @@ from functools import lru_cache
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import qmc
 
+from papers.arrays import Array
 from papers.paper3_zoa_dann.inputs.options import IdentificationOptions, SourceOptions
 from twingap.adapt import Windows, cut, joined
 from twingap.bearing import Bearing
@@ -34,7 +34,6 @@ from twingap.streams import Streams, root_entropy
 from twingap.twins.contact import ContactTwin, make_each
 from twingap.twins.contact_parameters import DEFECTS, PRESETS, ContactParameters, sink_depth_um
 
-Array = NDArray[np.float64]
 FREE = ("stiffness", "damping", "white_share")
 """What is identified, all on a log scale: K, c, and the white part of the noise's power (the rest rings along)."""
 

@@ -13,12 +13,12 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from papers.arrays import Array
 from twingap.adapt import Windows
 from twingap.bearing import Bearing
 from twingap.signal.envelope import lines_at, most_impulsive_band, squared_envelope_spectrum
 from twingap.signal.spectrum import Spectrum
 
-Array = NDArray[np.float64]
 Read = Literal["whole", "impulsive"]
 HARMONICS = 2
 TOLERANCE = 0.02

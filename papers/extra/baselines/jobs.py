@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from papers.arrays import Array
 from papers.paper3_zoa_dann.comparison.jobs import Prepared, cells, prepared
 from papers.paper3_zoa_dann.comparison.task_files import Material, windows_to_adapt_to
 from papers.paper3_zoa_dann.comparison.trial import fleet_examples
@@ -34,7 +35,6 @@ if TYPE_CHECKING:
     from papers.framework import Work
     from twingap.sweep import Result
 
-Array = NDArray[np.float64]
 Labels = NDArray[np.int64]
 
 SOURCES: Final = ("contact twin", "simulated fleets", "real labels")

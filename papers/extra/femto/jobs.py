@@ -21,8 +21,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from papers.arrays import Array
 from papers.extra.femto import rivals
 from papers.paper1_rul_varying_speed.methods.remaining_life import remaining_time_s
 from twingap.data import NotAtHandError, load
@@ -38,7 +38,6 @@ from twingap.signal.features import time_features
 if TYPE_CHECKING:
     from papers.framework import Inputs, Work
 
-Array = NDArray[np.float64]
 
 FEWEST: Final = 3
 """Runs: what one is predicted with comes from two others at least."""

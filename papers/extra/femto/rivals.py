@@ -13,12 +13,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from papers.arrays import Array
 from papers.paper1_rul_varying_speed.methods.degradation import fit_damage
 from twingap.errors import TwingapError
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -17,8 +17,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from papers.arrays import Array
 from papers.extra.femto import rivals
 from papers.extra.femto.jobs import Features, at_least
 from papers.extra.femto_score.score import best_share
@@ -34,7 +34,6 @@ from twingap.signal.envelope import envelope
 if TYPE_CHECKING:
     from papers.framework import Inputs, Work
 
-Array = NDArray[np.float64]
 
 SHARES: Final = tuple(float(v) for v in (np.arange(40) + 0.5) / 40)
 """Quantiles by which a prediction's law is kept."""

@@ -6,11 +6,9 @@ from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from papers.arrays import Array
 from papers.paper1_rul_varying_speed.methods.metrics import phm2012_accuracy
-
-Array = NDArray[np.float64]
 
 _TRIED: Final = np.linspace(0.02, 1.0, 99)
 """Shares of the life so far that are tried."""

@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from papers.arrays import Array
 from papers.options import expect
 from papers.paper3_zoa_dann.comparison.jobs import Cell, kept_modes, prepared
 from papers.paper3_zoa_dann.comparison.jobs import read_options as read_comparison
@@ -32,7 +33,6 @@ if TYPE_CHECKING:
     from papers.framework import Work
     from twingap.sweep import Result
 
-Array = NDArray[np.float64]
 LAYERS: Final = (
     "denoising.branches", "denoising.fusion", "denoising.gate", "lift", "attention", "feed_forward",
 )  # fmt: skip

@@ -18,8 +18,8 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
+from papers.arrays import Array
 from papers.paper2_digital_twin.availability.records import RATE_HZ, TITLES
 from twingap import data as datasets
 from twingap.bearing import Bearing
@@ -31,7 +31,6 @@ from twingap.signal.spectrum import Spectrum
 if TYPE_CHECKING:
     from papers.framework import Work
 
-Array = NDArray[np.float64]
 RIG: Final = "virtual_cwru"
 FAULTS: Final = ("inner", "outer", "ball")
 HEALTHY: Final = "healthy"

@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from papers.arrays import Array
 from papers.extra.baselines.jobs import PLAIN, SETTINGS, chosen, scores
 from papers.options import expect
 from twingap import data as datasets
@@ -40,7 +41,6 @@ if TYPE_CHECKING:
     from papers.framework import Work
     from twingap.sweep import Result
 
-Array = NDArray[np.float64]
 Labels = NDArray[np.int64]
 Rows = Mapping[str, NDArray[Any]]
 """Features by view [windows, features], with the ``label`` and the ``recording`` of each window."""

@@ -7,8 +7,8 @@ from typing import Any, Final
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
+from papers.arrays import Array
 from papers.extra.rig_lives import jobs
 from papers.framework import Step, Study, Work
 from papers.paper1_rul_varying_speed.methods import metrics
@@ -18,7 +18,6 @@ from twingap.prognosis.outcomes import Outcome, outcome_of, prior_from
 from twingap.prognosis.prior import LEARNT, Prior
 from twingap.rigs.smart_maintenance import END_OF_LIFE_G, RUNS, TITLE
 
-Array = NDArray[np.float64]
 MEASURED: Final = (
     "rmse_min", "relative_accuracy", "alpha_lambda_half", "within_20", "horizon_min", "phm2012_after_alarm", "coverage",
     "width",

@@ -17,7 +17,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from papers.paper2_digital_twin.availability.jobs import NetworkJob, read_options
 from papers.paper2_digital_twin.availability.jobs import Options as Common
@@ -34,7 +33,6 @@ from twingap.twins.contact_parameters import PRESETS
 if TYPE_CHECKING:
     from papers.framework import Inputs, Work
 
-Array = NDArray[np.float64]
 Kind = Literal["as printed", "gap closed"]
 KINDS: Final[tuple[Kind, ...]] = ("as printed", "gap closed")
 

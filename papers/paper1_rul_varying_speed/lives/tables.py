@@ -9,9 +9,9 @@ from typing import Any, Final
 import numpy as np
 import pandas as pd
 
+from papers.arrays import Array
 from papers.framework import Work
 from papers.intervals import intervals, std
-from papers.paper1_rul_varying_speed.cases import Array
 from papers.paper1_rul_varying_speed.job import CaseResult
 from papers.paper1_rul_varying_speed.lives.options import Options
 from papers.paper1_rul_varying_speed.methods.architecture import LifeArchitecture, critical_length

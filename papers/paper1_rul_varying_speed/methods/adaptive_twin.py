@@ -16,8 +16,9 @@ from typing import Literal
 
 import numpy as np
 
+from papers.arrays import Array
 from papers.paper1_rul_varying_speed.methods.degradation import DamageFit, Trajectory, fit_damage, trajectories
-from papers.paper1_rul_varying_speed.methods.run import Array, Run, period_rows, planned_speed
+from papers.paper1_rul_varying_speed.methods.run import Run, period_rows, planned_speed
 from twingap.errors import TwingapError
 from twingap.identification import HealthyFit, equation_8, spectra
 from twingap.prognosis.anomaly import Anomaly, AnomalyRule, detect_anomaly

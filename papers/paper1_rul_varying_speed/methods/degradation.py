@@ -13,13 +13,12 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from papers.arrays import Array
 from papers.paper1_rul_varying_speed.methods.remaining_life import remaining_revolutions
 from twingap.errors import TwingapError
 from twingap.prognosis.speed_influence import SpeedInfluence
-
-Array = NDArray[np.float64]
 
 LARGEST_EXPONENT = 50.0
 """exp(50) is beyond any sensor; it only keeps numbers finite, as in `effects.DamageGrowth`."""

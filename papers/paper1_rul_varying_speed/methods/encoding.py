@@ -10,11 +10,10 @@ Source: section 3.5 of paper 1, after Vaswani et al. 2017, Attention is all you 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from papers.arrays import Array
 from twingap.errors import TwingapError
-
-Array = NDArray[np.float64]
 
 D_MODEL = 24
 """Length of each encoding (table 4)."""

@@ -14,10 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import find_peaks, welch
 
+from papers.arrays import Array
 from twingap.effects import Mode
 from twingap.errors import TwingapError
 
-Array = NDArray[np.float64]
 Samples = NDArray[np.float32]
 
 SEGMENT_HZ = 12.0

@@ -17,9 +17,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from papers.arrays import Array
 from twingap.errors import TwingapError
-
-Array = NDArray[np.float64]
 
 
 class Coverage(NamedTuple):

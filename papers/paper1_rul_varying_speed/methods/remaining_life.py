@@ -9,11 +9,10 @@ with it. At constant speed remaining time has slope -1.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from papers.arrays import Array
 from twingap.errors import TwingapError
-
-Array = NDArray[np.float64]
 
 
 def remaining_revolutions(speed_rpm: ArrayLike, dt_s: float) -> Array:

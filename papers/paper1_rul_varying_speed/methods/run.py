@@ -8,13 +8,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from papers.arrays import Array
 from twingap.errors import TwingapError
 from twingap.prognosis.speed_influence import SAME_SPEED
 from twingap.records import RecordSet
-
-Array = NDArray[np.float64]
 
 ALIKE = 0.9
 """Share of rows that must agree with those a period earlier: abrupt changes of a test stand are the rest."""

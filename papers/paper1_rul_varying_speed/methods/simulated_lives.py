@@ -18,6 +18,7 @@ from typing import ClassVar, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from papers.arrays import Array
 from papers.paper1_rul_varying_speed.methods.adaptive_twin import AdaptiveTwin
 from papers.paper1_rul_varying_speed.methods.degradation import Trajectory
 from papers.paper1_rul_varying_speed.methods.excited_modes import excited_modes
@@ -27,7 +28,6 @@ from twingap.errors import TwingapError
 from twingap.records import Condition, RecordSet
 from twingap.twins.phenomenological import PhenomenologicalParameters, PhenomenologicalTwin
 
-Array = NDArray[np.float64]
 Samples = NDArray[np.float32]
 
 CHUNK = 128

@@ -19,10 +19,10 @@ from typing import Final
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 from torch import Tensor
 from torch.nn import functional
 
+from papers.arrays import Array
 from papers.paper1_rul_varying_speed.methods.architecture import LifeArchitecture
 from papers.paper1_rul_varying_speed.methods.encoding import positional_encoding, speed_position
 from papers.paper1_rul_varying_speed.methods.network import LifeNetwork
@@ -31,7 +31,6 @@ from twingap.adapt.nets import best_device
 from twingap.adapt.training import reproducible
 from twingap.errors import TwingapError
 
-Array = NDArray[np.float64]
 State = dict[str, Tensor]
 SIMULATED, REAL = 0.0, 1.0
 """Domain labels y of eq. 15."""

@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from papers.arrays import Array
 from papers.options import expect, read
 from papers.paper2_digital_twin.availability.records import TITLES, WINDOW, Measured, at_hand, backgrounds, measure
 from papers.paper2_digital_twin.availability.source import (
@@ -47,7 +48,6 @@ if TYPE_CHECKING:
     from papers.framework import Inputs, Work
 
 CONFIG: Final = Path(__file__).with_name("config.toml")
-Array = NDArray[np.float64]
 Places = NDArray[np.int64]
 HELD_OUT: Final = 5
 """Every fifth virtual machine is kept from training."""

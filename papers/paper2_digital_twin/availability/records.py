@@ -16,6 +16,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from papers.arrays import Array
 from papers.paper2_digital_twin.availability.source import Background
 from papers.paper2_digital_twin.methods.condition_features import line_features, window_features
 from papers.paper2_digital_twin.methods.scalograms import ImageOptions, Modulation, modulation, pieces_of
@@ -28,7 +29,6 @@ from twingap.records import RecordSet
 RIG: Final = "virtual_cwru"
 SHORTEST: Final = 4
 """A recording at hand in stretches shorter than so many pieces is no background for the twin."""
-Array = NDArray[np.float64]
 WINDOW: Final = 1024
 """Samples of a short window: as long as a piece of CWRU's 98.mat at hand, 85 ms at 12 kHz."""
 RATE_HZ: Final = {"cwru": 12_000.0, "hit_sm": 12_800.0, "virtual_cwru": 12_000.0}

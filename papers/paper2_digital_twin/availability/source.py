@@ -21,13 +21,13 @@ from typing import Any, Final, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from papers.arrays import Array
 from papers.paper2_digital_twin.methods.scalograms import ImageOptions, Modulation, images, modulation, pieces_of
 from twingap.bearing import Bearing
 from twingap.effects import Effect, make_effect
 from twingap.records import Condition
 from twingap.twins.phenomenological import PhenomenologicalParameters, PhenomenologicalTwin
 
-Array = NDArray[np.float64]
 Image = NDArray[np.float32]
 Rng = np.random.Generator
 Kind = Literal["grafted", "effects", "bare"]

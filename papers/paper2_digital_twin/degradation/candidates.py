@@ -13,13 +13,12 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from papers.arrays import Array
 from papers.paper2_digital_twin.degradation.runs import StudyRun
 from twingap.prognosis import health_indicator as health
 from twingap.prognosis.indicator_criteria import IndicatorCriteria
 
-Array = NDArray[np.float64]
 NINE: Final = "fusion 9"
 OFFLINE: Final = "fusion 9, whole run"
 """The paper's reading: normalised and fused with the whole run known, so each value depends on later records."""

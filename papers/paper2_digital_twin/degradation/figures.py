@@ -13,7 +13,6 @@ from typing import Final
 
 import numpy as np
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
 from papers.figures import grid, subplots
 from papers.framework import Work
@@ -24,7 +23,6 @@ from twingap.prognosis.degradation_models import MODELS
 from twingap.prognosis.health_indicator import offline_indicators
 from twingap.prognosis.indicator_criteria import causal_trend
 
-Array = NDArray[np.float64]
 RECORDS, TREND, MARK = "#AAAAAA", "#0072B2", "#D55E00"
 SHOWN_MODELS: Final = ("exponential with offset", "combined power 3", "combined power 5", "polynomial 3", "constant")
 LEAST, MOST = 1e-3, 1e3

@@ -15,9 +15,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.signal import lfilter
 
+from papers.arrays import Array
 from papers.paper2_digital_twin.degradation import candidates
 from papers.paper2_digital_twin.degradation.candidates import INDICATORS, Judged
 from papers.paper2_digital_twin.degradation.runs import Reading, StudyRun, study_runs
@@ -29,7 +29,6 @@ from twingap.prognosis.information import criteria
 if TYPE_CHECKING:
     from papers.framework import Inputs, Work
 
-Array = NDArray[np.float64]
 Series = Mapping[str, tuple[Array, Array]]
 
 

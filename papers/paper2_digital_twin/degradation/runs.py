@@ -16,8 +16,8 @@ from typing import Any, Final
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
+from papers.arrays import Array
 from twingap import data
 from twingap.bearing import BEARINGS
 from twingap.data.ims import ims_features
@@ -28,7 +28,6 @@ from twingap.signal.features import PAPER2_FEATURES
 from twingap.signal.kurtosis import spectral_kurtosis
 from twingap.twins.phenomenological import PhenomenologicalParameters, PhenomenologicalTwin, paper1_chain
 
-Array = NDArray[np.float64]
 Swept = Callable[[Callable[..., Any], Sequence[Any], Any], Sequence[Any]]
 """(function, jobs, inputs) -> results; see `papers.framework.Work.sweep`."""
 

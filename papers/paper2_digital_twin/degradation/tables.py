@@ -11,9 +11,9 @@ from typing import Any, Final, Literal
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 from scipy.stats import spearmanr
 
+from papers.arrays import Array
 from papers.framework import Work
 from papers.paper2_digital_twin.degradation.candidates import Judged
 from papers.paper2_digital_twin.degradation.jobs import Coverage, KnownLaw
@@ -22,7 +22,6 @@ from twingap.prognosis.health_indicator import evaluate_candidates, offline_indi
 from twingap.prognosis.indicator_criteria import causal_trend
 from twingap.sweep import Result
 
-Array = NDArray[np.float64]
 COMBINED = ("combined power 3", "combined power 5")
 EXPONENTIALS = ("exponential", "exponential with offset")
 SCALINGS: Final[tuple[Literal["z", "range"], ...]] = ("z", "range")

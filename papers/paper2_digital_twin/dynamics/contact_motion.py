@@ -12,12 +12,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from papers.arrays import Array
 from twingap.errors import TwingapError
 from twingap.twins.contact_dynamics import Job, low_pass
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

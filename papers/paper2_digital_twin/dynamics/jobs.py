@@ -18,8 +18,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from papers.arrays import Array
 from papers.options import expect
 from papers.paper2_digital_twin.dynamics import reference
 from papers.paper2_digital_twin.dynamics.contact_motion import motion_of
@@ -33,7 +33,6 @@ from twingap.twins.contact_parameters import PRESETS, ContactParameters
 if TYPE_CHECKING:
     from papers.framework import Work
 
-Array = NDArray[np.float64]
 HIGHEST_ORDER: Final = 12.0
 """Up to which a fault's first line is sought: above the inner race's, below second harmonics' crowd."""
 

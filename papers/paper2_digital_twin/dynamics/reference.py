@@ -11,15 +11,13 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 from scipy.optimize import root
 
+from papers.arrays import Array
 from twingap.bearing import Bearing
 from twingap.errors import TwingapError
 from twingap.twins.contact_parameters import ContactParameters
-
-Array = NDArray[np.float64]
 
 
 def squeeze(bearing: Bearing, own: ContactParameters, x: float, y: float, cage: float) -> tuple[Array, Array, Array]:

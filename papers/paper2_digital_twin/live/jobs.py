@@ -18,7 +18,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from papers.options import expect
 from papers.paper2_digital_twin.live_twin import LiveOptions, LiveTwin, Message, OrderOptions, Snapshot, StateMessage
@@ -29,7 +28,6 @@ from twingap.twins.contact_parameters import PRESETS
 if TYPE_CHECKING:
     from papers.framework import Work
 
-Array = NDArray[np.float64]
 ARMS: Final[dict[str, tuple[bool, bool]]] = {
     "frozen": (False, False),
     "laws alone": (True, False),

@@ -12,15 +12,14 @@ from typing import Any, Final
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
+from papers.arrays import Array
 from papers.framework import Work
 from papers.paper2_digital_twin.live.jobs import Options, Scenario
 from papers.paper2_digital_twin.live_twin.twin import WATCHED
 from twingap.rigs.drifting import COOLED, WEARS
 from twingap.sweep import Result
 
-Array = NDArray[np.float64]
 DATA: Final = "virtual machine"
 WHOLE = "after commissioning"
 DRIFT = "under drift"

@@ -15,13 +15,12 @@ from functools import lru_cache
 from typing import Final
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.optimize import brentq
 from scipy.special import ndtr
 
 from twingap.errors import TwingapError
 
-Array = NDArray[np.float64]
 CELLS: Final = 80
 """States of the Markov chain: run lengths to about one percent."""
 NODES: Final = 16

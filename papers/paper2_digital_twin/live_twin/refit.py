@@ -14,12 +14,10 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from papers.arrays import Array
 from papers.paper2_digital_twin.live_twin.spectrum import Band, MachineState, Prediction, SpectrumModel
 from twingap.errors import TwingapError
-
-Array = NDArray[np.float64]
 
 BIN_CORRELATION: Final = 1.94
 """1 + 2 (4/9 + 1/36): by how much Hann's neighbouring bins, being correlated, raise the variance of a sum over bins."""

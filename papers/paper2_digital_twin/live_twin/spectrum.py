@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import welch
 
+from papers.arrays import Array
 from papers.paper2_digital_twin.live_twin.laws import Laws
 from twingap.bearing import Bearing
 from twingap.effects import Mode
@@ -30,8 +31,6 @@ from twingap.records import Condition
 from twingap.twins.contact import ContactTwin
 from twingap.twins.contact_dynamics import Job, accelerations
 from twingap.twins.contact_parameters import DEFECTS, ContactParameters
-
-Array = NDArray[np.float64]
 
 FREE: Final = ("stiffness", "damping", "force_level", "white_noise")
 """What is identified anew; the model works with their logarithms. The first three are watched for drift."""

@@ -23,8 +23,8 @@ from dataclasses import dataclass, replace
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from papers.arrays import Array
 from papers.paper2_digital_twin.live_twin.drift import Alarm, DriftDetector, threshold_for
 from papers.paper2_digital_twin.live_twin.journal import Evaluation, Journal, Kind, Update
 from papers.paper2_digital_twin.live_twin.laws import Laws
@@ -36,7 +36,6 @@ from twingap.bearing import Bearing
 from twingap.errors import TwingapError
 from twingap.twins.contact_parameters import ContactParameters
 
-Array = NDArray[np.float64]
 WATCHED = FREE[:3]
 STARTS: Final = (0.0, -0.7, 0.7, -1.4, 1.4)
 """Added to the logarithm of the stiffness that the twin was given, at commissioning."""

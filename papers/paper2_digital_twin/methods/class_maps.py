@@ -15,9 +15,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from papers.arrays import Array
 from papers.paper2_digital_twin.methods.severity import FeatureMap, MapOptions, fit_map, scaling_of
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -11,14 +11,13 @@ from itertools import pairwise
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import fft
 
+from papers.arrays import Array
 from papers.paper2_digital_twin.methods.scalograms import ImageOptions, Modulation
 from twingap.bearing import Bearing
 from twingap.signal.features import time_features
 
-Array = NDArray[np.float64]
 BANDS: Final = 8
 """Equal bands from 0 to half the sampling rate."""
 SHAPES: Final = ("kurtosis", "crest_factor", "shape_factor", "impulse_factor", "clearance_factor")

@@ -14,7 +14,8 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from papers.arrays import Array
+
 SETTINGS: Final = {"svc__C": [1.0, 10.0, 100.0], "svc__gamma": ["scale", 0.01]}
 """Tried where two recordings of each class or more are at hand; else C = 10 and "scale"."""
 FOLDS: Final = 3

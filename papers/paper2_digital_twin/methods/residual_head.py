@@ -21,7 +21,8 @@ from scipy.linalg import cholesky, solve_triangular
 from scipy.optimize import minimize
 from scipy.special import log_softmax, softmax
 
-Array = NDArray[np.float64]
+from papers.arrays import Array
+
 JITTER: Final = 1e-6
 """Of the variance, added to the covariance's diagonal."""
 STEPS: Final = 500

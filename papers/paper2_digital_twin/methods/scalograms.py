@@ -26,10 +26,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import fft, ndimage
 
+from papers.arrays import Array
 from papers.paper2_digital_twin.methods.wavelets import scalogram
 from twingap.errors import TwingapError
 
-Array = NDArray[np.float64]
 Images = NDArray[np.float32]
 CHANNELS = 3
 _WAVELET = 1.0

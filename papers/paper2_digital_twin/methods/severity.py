@@ -18,9 +18,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from papers.arrays import Array
 from twingap.errors import TwingapError
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -11,10 +11,10 @@ no model predicts is taken out by shifting each simulated window (circularly) to
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.distance import cdist
 
-Array = NDArray[np.float64]
+from papers.arrays import Array
+
 METRICS = ("prd", "rmse", "mmd")
 
 

@@ -10,8 +10,8 @@ from typing import Any, Final
 
 import numpy as np
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
+from papers.arrays import Array
 from papers.figures import LINE_NAMES, subplots
 from papers.framework import Work
 from papers.paper3_zoa_dann.identification.agreement import aligned
@@ -19,7 +19,6 @@ from papers.paper3_zoa_dann.identification.jobs import WORDS
 from twingap.records import RecordSet
 from twingap.signal.envelope import squared_envelope_spectrum
 
-Array = NDArray[np.float64]
 LINES: Final = {
     "zoa": ("#D55E00", "-"),
     "zoa-ports": ("#E69F00", "--"),

@@ -19,8 +19,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from papers.arrays import Array
 from papers.options import expect
 from papers.paper3_zoa_dann.identification.agreement import agreement
 from twingap import data
@@ -40,7 +40,6 @@ from twingap.twins.twin_file import TwinSpec
 if TYPE_CHECKING:
     from papers.framework import Inputs, Work
 
-Array = NDArray[np.float64]
 WORDS: Final = {
     "zoa": "ZOA, R = 0.1",
     "zoa-ports": "ZOA, R = 0.01",
