@@ -19,7 +19,7 @@ from papers.paper1_rul_varying_speed.job import fit
 from papers.paper1_rul_varying_speed.lives import jobs, tables
 from papers.paper1_rul_varying_speed.lives.options import CONFIG, Options, read_options
 from papers.paper1_rul_varying_speed.lives.study import STUDY
-from papers.paper1_rul_varying_speed.models import MODELS
+from papers.paper1_rul_varying_speed.methods.architecture import MODELS
 from twingap.bearing import BEARINGS
 from twingap.errors import TwingapError
 from twingap.records import Condition, Record, RecordSet

@@ -17,8 +17,8 @@ from papers.paper1_rul_varying_speed.cases import Case, Target, load_target
 from papers.paper1_rul_varying_speed.job import simulate
 from papers.paper1_rul_varying_speed.lives.options import Options, TargetOptions, read_options
 from papers.paper1_rul_varying_speed.methods.adaptive_twin import NoLifeError
+from papers.paper1_rul_varying_speed.methods.architecture import MODELS
 from papers.paper1_rul_varying_speed.methods.metrics import rmse
-from papers.paper1_rul_varying_speed.models import MODELS
 from tests.papers import test_paper1
 from twingap.config import to_toml
 from twingap.errors import TwingapError

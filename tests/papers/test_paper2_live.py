@@ -11,10 +11,9 @@ import numpy as np
 import pytest
 
 from papers.framework import Work
-from papers.paper2_digital_twin.live import tables as tables_live
+from papers.paper2_digital_twin.live import study as tables_live
 from papers.paper2_digital_twin.live.jobs import ARMS, Scenario, live_through, machine_of, messages_of
-from papers.paper2_digital_twin.live.study import STUDY
-from papers.paper2_digital_twin.live.tables import DRIFT, WHOLE, by_phase, phase_of
+from papers.paper2_digital_twin.live.study import DRIFT, STUDY, WHOLE, by_phase, phase_of
 from papers.paper2_digital_twin.live_twin import Snapshot, twin
 from papers.paper2_digital_twin.live_twin.drift import Alarm, DriftDetector
 from papers.paper2_digital_twin.live_twin.refit import Fit, refit

@@ -29,8 +29,8 @@ from papers.paper1_rul_varying_speed.cases import Case, adapted, case_of
 from papers.paper1_rul_varying_speed.job import Added, Job, job_of, train_and_judge
 from papers.paper1_rul_varying_speed.lives.options import Options as Lives
 from papers.paper1_rul_varying_speed.lives.options import read_options
+from papers.paper1_rul_varying_speed.methods.architecture import architecture_of
 from papers.paper1_rul_varying_speed.methods.run import read_run
-from papers.paper1_rul_varying_speed.models import architecture_of
 from twingap.data import load
 from twingap.data.root import data_root
 from twingap.errors import TwingapError

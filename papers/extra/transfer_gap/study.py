@@ -11,8 +11,7 @@ from papers.extra.transfer_gap import jobs
 from papers.extra.transfer_gap.jobs import KINDS
 from papers.framework import Step, Study, Work
 from papers.paper2_digital_twin.availability.jobs import NetworkJob, load_sets, network
-from papers.paper2_digital_twin.availability.records import TITLES, Measured
-from papers.paper2_digital_twin.availability.split import SPLITS
+from papers.paper2_digital_twin.availability.records import SPLITS, TITLES, Measured
 from papers.paper3_zoa_dann.significance import sign_flip
 from twingap.sweep import Result
 

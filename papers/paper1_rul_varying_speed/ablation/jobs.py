@@ -29,9 +29,8 @@ from papers.paper1_rul_varying_speed.job import Job, job_of, train_and_judge
 from papers.paper1_rul_varying_speed.lives.options import Options as Lives
 from papers.paper1_rul_varying_speed.lives.options import read_options
 from papers.paper1_rul_varying_speed.methods.adaptive_twin import Adaptation, NoLifeError, lives_that_may_follow
-from papers.paper1_rul_varying_speed.methods.architecture import LifeArchitecture
+from papers.paper1_rul_varying_speed.methods.architecture import MODELS, LifeArchitecture, architecture_of
 from papers.paper1_rul_varying_speed.methods.metrics import rmse
-from papers.paper1_rul_varying_speed.models import MODELS, architecture_of
 from twingap.errors import TwingapError
 
 if TYPE_CHECKING:

@@ -21,9 +21,8 @@ from papers.paper1_rul_varying_speed.job import CaseResult, simulate
 from papers.paper1_rul_varying_speed.lives.options import Options
 from papers.paper1_rul_varying_speed.lives.tables import LIVES, layers
 from papers.paper1_rul_varying_speed.lives.tables import errors as errors_of
-from papers.paper1_rul_varying_speed.methods.architecture import LifeArchitecture
+from papers.paper1_rul_varying_speed.methods.architecture import MODELS, LifeArchitecture
 from papers.paper1_rul_varying_speed.methods.metrics import rmse
-from papers.paper1_rul_varying_speed.models import MODELS
 from twingap.signal.envelope import squared_envelope_spectrum
 
 COLOURS: Final = dict(

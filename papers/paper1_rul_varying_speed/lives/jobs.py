@@ -19,7 +19,7 @@ from papers.paper1_rul_varying_speed.cases import Case, Target, load_target, rea
 from papers.paper1_rul_varying_speed.job import CaseResult, Job, job_of, train_and_judge
 from papers.paper1_rul_varying_speed.lives import tables
 from papers.paper1_rul_varying_speed.lives.options import Options, Profile
-from papers.paper1_rul_varying_speed.models import architecture_of
+from papers.paper1_rul_varying_speed.methods.architecture import architecture_of
 
 if TYPE_CHECKING:
     from papers.framework import Work

@@ -9,9 +9,9 @@ from typing import Final
 
 from papers.options import expect, read
 from papers.paper1_rul_varying_speed.methods.adaptive_twin import Adaptation
+from papers.paper1_rul_varying_speed.methods.architecture import MODELS
 from papers.paper1_rul_varying_speed.methods.simulated_lives import SignalModel
 from papers.paper1_rul_varying_speed.methods.training import CRITERIA, LifeTraining
-from papers.paper1_rul_varying_speed.models import MODELS
 from twingap.errors import TwingapError
 
 CONFIG: Final = Path(__file__).with_name("config.toml")

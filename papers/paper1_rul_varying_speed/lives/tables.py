@@ -14,9 +14,8 @@ from papers.framework import Work
 from papers.intervals import intervals, std
 from papers.paper1_rul_varying_speed.job import CaseResult
 from papers.paper1_rul_varying_speed.lives.options import Options
-from papers.paper1_rul_varying_speed.methods.architecture import LifeArchitecture, critical_length
+from papers.paper1_rul_varying_speed.methods.architecture import MODELS, LifeArchitecture, critical_length
 from papers.paper1_rul_varying_speed.methods.metrics import cumulative_relative_accuracy, rmse, within_alpha
-from papers.paper1_rul_varying_speed.models import MODELS
 
 PUBLISHED: Final = MappingProxyType({
     "A148": (6.6, 7.8, 7.3, 5.7, 5.8),

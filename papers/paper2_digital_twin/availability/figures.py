@@ -14,8 +14,7 @@ from matplotlib.figure import Figure
 
 from papers.figures import subplots
 from papers.framework import Work
-from papers.paper2_digital_twin.availability.records import TITLES
-from papers.paper2_digital_twin.availability.split import SPLITS
+from papers.paper2_digital_twin.availability.records import SPLITS, TITLES
 from papers.paper2_digital_twin.availability.tables import METHODS, judging
 
 LOOKS: Final = {

@@ -21,7 +21,19 @@ from numpy.typing import NDArray
 
 from papers.arrays import Array
 from papers.options import expect, read
-from papers.paper2_digital_twin.availability.records import TITLES, WINDOW, Measured, at_hand, backgrounds, measure
+from papers.paper2_digital_twin.availability.records import (
+    ALL,
+    SPLITS,
+    TITLES,
+    WINDOW,
+    Measured,
+    at_hand,
+    backgrounds,
+    counts_of,
+    judged,
+    labelled,
+    measure,
+)
 from papers.paper2_digital_twin.availability.source import (
     Background,
     Kind,
@@ -30,14 +42,12 @@ from papers.paper2_digital_twin.availability.source import (
     healthy_recordings,
     simulate,
 )
-from papers.paper2_digital_twin.availability.split import ALL, SPLITS, counts_of, judged, labelled
-from papers.paper2_digital_twin.methods.class_maps import fit_class_maps
 from papers.paper2_digital_twin.methods.condition_features import window_features
 from papers.paper2_digital_twin.methods.few_labels import fit_few_labels
 from papers.paper2_digital_twin.methods.inception import InceptionTraining, evidence, outputs, train_inception
 from papers.paper2_digital_twin.methods.residual_head import HeadOptions, fit_residual_head
 from papers.paper2_digital_twin.methods.scalograms import ImageOptions, Images, Modulation, images, pieces_of
-from papers.paper2_digital_twin.methods.severity import MapOptions, healthy_map
+from papers.paper2_digital_twin.methods.severity import MapOptions, fit_class_maps, healthy_map
 from twingap.adapt.selection import CRITERIA, Evidence, select
 from twingap.adapt.training import Outputs
 from twingap.errors import TwingapError

@@ -12,8 +12,7 @@ import numpy as np
 import pandas as pd
 
 from papers.framework import Work
-from papers.paper2_digital_twin.availability.records import TITLES, Measured
-from papers.paper2_digital_twin.availability.split import ALL, SPLITS
+from papers.paper2_digital_twin.availability.records import ALL, SPLITS, TITLES, Measured
 from papers.paper2_digital_twin.methods.choose import Thresholds, choose
 from twingap.adapt.evaluate import t_interval
 

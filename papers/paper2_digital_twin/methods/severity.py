@@ -1,13 +1,17 @@
-"""Severity without a fault label: minimum quantisation error (MQE) of a self-organising map of healthy vibration.
+"""Self-organising maps: severity without a fault label, and the class of the nearest map.
 
 healthy features --held out in turn--> map of the others -> MQE --> threshold of a stated false-alarm rate
        |                                                                    |
        +--> map of all ----------------------------> MQE of a new window -> alarm?  how bad?
+labelled features --of each class--> map ----------> least MQE of a new record --> class
 
-The map (Kohonen 1990, DOI 10.1109/5.58325) is a grid of units spread over the healthy features; MQE(x) is the distance
-from x to its best matching unit (Qiu, Lee, Lin and Yu 2003, DOI 10.1016/j.aei.2004.08.001), as in paper 2. The paper
-gives no threshold. Here it is a conformal one (Vovk, Gammerman and Shafer 2005): for a window exchangeable with the
-healthy windows held out, P(alarm) <= false_alarm, whatever the distribution of the features.
+The map (Kohonen 1990, DOI 10.1109/5.58325) is a grid of units spread over the features; MQE(x), the minimum
+quantisation error, is the distance from x to its best matching unit (Qiu, Lee, Lin and Yu 2003, DOI
+10.1016/j.aei.2004.08.001), as in paper 2. The paper gives no threshold. Here it is a conformal one (Vovk, Gammerman and
+Shafer 2005): for a window exchangeable with the healthy windows held out, P(alarm) <= false_alarm, whatever the
+distribution of the features. Paper 2 uses SOM-MQE where fault data are plenty, to "identify the running state" (section
+3.2.4), and says of severity alone how. A map a class is the reading taken for identification; of one record a class it
+is the nearest neighbour.
 """
 
 from __future__ import annotations
@@ -155,3 +159,30 @@ def healthy_map(
         held_out[out] = fit_map(features[~out], own, rng).mqe(features[out])
     threshold = conformal_threshold(held_out, false_alarm)
     return HealthyMap(fit_map(features, own, rng), threshold, held_out)
+
+
+@dataclass(frozen=True)
+class ClassMaps:
+    """One map for each class, in a common scaling."""
+
+    maps: tuple[FeatureMap | None, ...]  # by class; None for a class without a record, which is never answered
+
+    def mqe(self, features: Array) -> Array:
+        """Distance to each class's map [records, classes]; infinite where there is none."""
+        return np.stack([np.full(len(features), np.inf) if m is None else m.mqe(features) for m in self.maps], axis=-1)
+
+    def probabilities(self, features: Array) -> Array:
+        """Soft votes [records, classes]: softmax of minus the distances over the least of them."""
+        distance = self.mqe(features)
+        least = np.maximum(distance.min(axis=1, keepdims=True), 1e-12)
+        weight = np.exp(1 - distance / least)
+        return np.asarray(weight / weight.sum(axis=1, keepdims=True))
+
+
+def fit_class_maps(
+    features: Array, labels: NDArray[np.int64], n_classes: int, options: MapOptions, rng: np.random.Generator
+) -> ClassMaps:
+    """Train a map on the records [records, features] of each class."""
+    scaling = scaling_of(features, options.least_spread)
+    own = (features[labels == c] for c in range(n_classes))
+    return ClassMaps(tuple(fit_map(x, options, rng, scaling) if len(x) else None for x in own))

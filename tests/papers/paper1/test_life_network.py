@@ -8,10 +8,9 @@ import torch
 from torch import Tensor
 from torch.nn.functional import mse_loss
 
-from papers.paper1_rul_varying_speed.methods.architecture import LifeArchitecture
+from papers.paper1_rul_varying_speed.methods.architecture import MODELS, LifeArchitecture, architecture_of
 from papers.paper1_rul_varying_speed.methods.network import LifeNetwork
 from papers.paper1_rul_varying_speed.methods.training import REAL, SIMULATED, domain_loss
-from papers.paper1_rul_varying_speed.models import MODELS, architecture_of
 from twingap.errors import TwingapError
 
 SHORT = 6000
