@@ -45,80 +45,37 @@ def _nothing(work: Work) -> dict[str, Any]:
 
 @dataclass(frozen=True)
 class Step:
-    """A step of a study.
+    """A step of a study."""
 
-    Parameters
-    ----------
-    name : str
-        Its outputs are ``work[name]``: results in the order of its jobs, or what the function returned.
-    function : callable
-        With `jobs`: ``function(job, **inputs)``, at module level in ``jobs.py``, run by workers. Without: called once,
-        with the `Work`.
-    jobs : callable, optional
-        Work -> frozen dataclasses, or mappings of JSON values.
-    inputs : callable
-        Work -> `Inputs`, what the function reads besides its job.
-    words : callable, optional
-        Job -> its description, for progress and errors.
-    """
-
-    name: str
+    name: str  # its outputs are ``work[name]``: results in the order of its jobs, or what the function returned
+    # With `jobs`: ``function(job, **inputs)``, at module level in ``jobs.py``, run by workers. Without: called once,
+    # with the `Work`.
     function: Callable[..., Any]
-    jobs: Callable[[Work], Iterable[Any]] | None = None
-    inputs: Callable[[Work], Inputs] = _nothing
-    words: Callable[[Any], str] | None = None
+    jobs: Callable[[Work], Iterable[Any]] | None = None  # frozen dataclasses, or mappings of JSON values
+    inputs: Callable[[Work], Inputs] = _nothing  # what the function reads besides its job
+    words: Callable[[Any], str] | None = None  # of a job, for progress and errors
 
 
 @dataclass(frozen=True)
 class Study:
-    """A study, as it is declared.
-
-    Parameters
-    ----------
-    name, title : str
-        The title stands above the headlines.
-    options : type
-        Dataclass of that file's entries, which are explained there. Its field `profiles`, a mapping, has the sizes of
-        each profile.
-    tables : callable
-        Work -> name -> table.
-    config : Path
-        Its TOML file; the one beside the module of `options` unless given.
-    figures : callable, optional
-        Work -> pairs of name and figure.
-    headlines : tuple of str
-        Tables that are printed at the end.
-    columns : mapping
-        Headline table -> its columns that are printed; all of a table that has no entry.
-    data : str
-        Where the numbers come from, unless a step says it.
-    check : callable, optional
-        Called with options and path; raises `TwingapError` for what types cannot say.
-    metrics : callable
-        Work -> name -> number, logged.
-    notes : callable
-        Work -> lines that are printed below the headlines.
-    at_hand : callable
-        Data root or None -> whether the data are at hand; a paper leaves the study out where they are not.
-    letters : (int, int)
-        Sizes of letters in figures, and of those in legends, points.
-    """
+    """A study, as it is declared."""
 
     name: str
-    title: str
+    title: str  # stands above the headlines
+    # dataclass of the entries of `config`, which are explained there; its field `profiles` has each profile's sizes
     options: type[Any]
     steps: Sequence[Step]
     tables: Callable[[Work], Mapping[str, pd.DataFrame]]
-    config: Path = Path("config.toml")
+    config: Path = Path("config.toml")  # beside the module of `options`
     figures: Callable[[Work], Iterable[tuple[str, Figure]]] | None = None
-    headlines: tuple[str, ...] = ()
-    columns: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
-    data: str = ""
-    check: Callable[[Any, Path], None] | None = None
-    metrics: Callable[[Work], Mapping[str, float | None]] = _nothing
-    notes: Callable[[Work], Iterable[str]] = lambda work: ()
-    at_hand: Callable[[Path | None], bool] = lambda root: True
-    letters: tuple[int, int] = (13, 12)
+    headlines: tuple[str, ...] = ()  # tables that are printed at the end
+    columns: Mapping[str, tuple[str, ...]] = field(default_factory=dict)  # of headlines, where not all are printed
+    data: str = ""  # where the numbers come from, unless a step says it
+    check: Callable[[Any, Path], None] | None = None  # raises `TwingapError` for what types of options cannot say
+    metrics: Callable[[Work], Mapping[str, float | None]] = _nothing  # logged
+    notes: Callable[[Work], Iterable[str]] = lambda work: ()  # printed below the headlines
+    at_hand: Callable[[Path | None], bool] = lambda root: True  # in that data root; else a paper leaves the study out
+    letters: tuple[int, int] = (13, 12)  # sizes of letters in figures, and of those in legends, points
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "config", Path(inspect.getfile(self.options)).parent / self.config)
@@ -132,28 +89,16 @@ class Study:
         return options
 
     def run(
-        self,
-        profile: str = "smoke",
-        *,
-        out: Path,
-        root: Path | None = None,
-        seed: int = 0,
-        backend: str = "loky",
-        address: str | None = None,
-        device: str = "auto",
-        log: Run | None = None,
-        progress: Progress = lambda what, done, total: None,
-        config: Path | None = None,
-        draw: bool = True,
-    ) -> Work:
-        """Run the study; what an interrupted run has finished is taken up again.
+        self, profile: str = "smoke", *, out: Path, root: Path | None = None, seed: int = 0, backend: str = "loky",
+        address: str | None = None, device: str = "auto", log: Run | None = None,
+        progress: Progress = lambda what, done, total: None, config: Path | None = None, draw: bool = True,
+    ) -> Work:  # fmt: skip
+        """Run a profile of the study; what an interrupted run has finished is taken up again.
 
         Raises `TwingapError` for a configuration, profile, data root, backend or folder that cannot be used.
 
         Parameters
         ----------
-        profile : str
-            A profile of the configuration.
         out : Path
             Folder for ``tables/``, ``figures/`` and ``results/``, the store of finished jobs. Results computed
             elsewhere can be copied into it: their keys depend on jobs, code and data, not on machine or path.
@@ -170,7 +115,7 @@ class Study:
         config : Path or None
             In place of the study's own.
         draw : bool
-            Make the figures.
+            Whether figures are made.
         """
         path = config or self.config
         options = self.read(path)
@@ -217,26 +162,12 @@ class Study:
 
 @dataclass
 class Work:
-    """A study at work: what it was asked for, and what it has made so far.
-
-    Parameters
-    ----------
-    options, size : Any
-        Of the configuration, and of the profile in use.
-    out, root, seed, backend, address, device, log, progress
-        As in `Study.run`.
-    title : str
-        Where the numbers come from; set by the step that reads data.
-    missing : tuple of str
-        What was left out since its data are not at hand; set by that step, too.
-    computed, finished : int
-        Jobs that ran now, and all jobs.
-    """
+    """A study at work: what it was asked for, as in `Study.run`, and what it has made so far."""
 
     study: Study
     profile: str
     options: Any
-    size: Any
+    size: Any  # of the profile
     out: Path
     root: Path | None
     seed: int
@@ -245,10 +176,10 @@ class Work:
     device: str
     log: Run
     progress: Progress
-    title: str
+    title: str  # where the numbers come from; set by the step that reads data
     config: Path
-    missing: tuple[str, ...] = ()
-    computed: int = 0
+    missing: tuple[str, ...] = ()  # what was left out since its data are not at hand; set by that step, too
+    computed: int = 0  # jobs that ran now; finished: all jobs
     finished: int = 0
     tables: dict[str, pd.DataFrame] = field(default_factory=dict)
     _made: dict[str, Any] = field(default_factory=dict)
@@ -260,24 +191,13 @@ class Work:
         self._made[step] = made
 
     def sweep(
-        self,
-        function: Callable[..., Any],
-        jobs: Iterable[Any],
-        inputs: Inputs | None = None,
-        words: Callable[[Any], str] | None = None,
-        what: str = "jobs",
-        *,
-        data: Mapping[str, str] | None = None,
+        self, function: Callable[..., Any], jobs: Iterable[Any], inputs: Inputs | None = None,
+        words: Callable[[Any], str] | None = None, what: str = "jobs", *, data: Mapping[str, str] | None = None,
         backend: str | None = None,
-    ) -> list[Result[Any]]:
+    ) -> list[Result[Any]]:  # fmt: skip
         """Run jobs, reusing finished ones; for steps that run several sets of jobs. See `Step` for the parameters.
 
-        Parameters
-        ----------
-        data : mapping, optional
-            Further digests that results depend on.
-        backend : str, optional
-            In place of the run's own.
+        `data` are further digests that results depend on; `backend` takes the place of the run's own.
         """
         given, asked, done = dict(inputs or {}), list(jobs), 0
 
@@ -321,10 +241,7 @@ def rows_of(table: pd.DataFrame) -> list[dict[str, Any]]:
 
 
 def load_study(name: str) -> Study:
-    """The study of a folder, by the dotted name of its package.
-
-    Raises `TwingapError` when there is none.
-    """
+    """The study of a folder, by the dotted name of its package."""
     try:
         found = importlib.import_module(f"{name}.study").STUDY
     except ModuleNotFoundError as error:

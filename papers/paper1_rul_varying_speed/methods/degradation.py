@@ -119,16 +119,9 @@ class Trajectory:
 
 
 def trajectories(
-    fit: DamageFit,
-    influence: SpeedInfluence,
-    speed_rpm: ArrayLike,
-    dt_s: float,
-    limit: float,
-    *,
-    count: int = 6,
-    simulation_range_s: float = 2400.0,
-    not_before_row: int | None = None,
-) -> list[Trajectory]:
+    fit: DamageFit, influence: SpeedInfluence, speed_rpm: ArrayLike, dt_s: float, limit: float, *, count: int = 6,
+    simulation_range_s: float = 2400.0, not_before_row: int | None = None,
+) -> list[Trajectory]:  # fmt: skip
     """Lives whose ends lie within the Simulation range about the end that the fitted rate foretells, shortest first.
 
     Each has another rate. Peak to peak passes the limit at fast rows before it does at slow ones, so ends come only at

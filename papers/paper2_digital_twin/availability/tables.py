@@ -5,6 +5,7 @@ jobs --> calls of every recording by seed --> accuracy, crossing points;  alarms
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator
 from typing import Any, Final
 
@@ -71,9 +72,8 @@ def by_seed(called: pd.DataFrame) -> pd.DataFrame:
 def accuracy(called: pd.DataFrame) -> pd.DataFrame:
     """Mean over seeds, by recording judged; `labels` is how many records of the scarcest fault there were indeed."""
     rows = []
-    for (data, split, method, records), part in by_seed(called).groupby(
-        ["data", "split", "method", "records"], sort=False
-    ):
+    keys = ["data", "split", "method", "records"]
+    for (data, split, method, records), part in by_seed(called).groupby(keys, sort=False):
         low, high = t_interval(list(part["accuracy"]), LEVEL)
         rows.append({
             "data": TITLES[str(data)], "split by": split, "method": method,
@@ -93,8 +93,8 @@ def crossings(work: Work, called: pd.DataFrame) -> pd.DataFrame:
     """
     rows = []
     found = by_seed(called)
-    for data, split, first, second in _pairs(work):
-        here = found[(found["data"] == data) & (found["split"] == split)]
+    for (data, split, about), (first, second) in itertools.product(_parts(work), AHEAD):
+        here = found[(found["data"] == data.name) & (found["split"] == split)]
         wide = {
             m: here[here["method"] == m].pivot(index="seed", columns="records", values="accuracy")
             for m in (first, second)
@@ -104,7 +104,7 @@ def crossings(work: Work, called: pd.DataFrame) -> pd.DataFrame:
         good = [c for i, c in enumerate(steps) if all(gains[later].mean() >= -1e-12 for later in steps[i:])]
         sure = [c for i, c in enumerate(steps) if all(_above(gains[later]) for later in steps[i:])]
         rows.append({
-            "data": TITLES[data], "split by": split, "method": first, "against": second,
+            **about, "method": first, "against": second,
             "at least as good from": _named(good), "better from": _named(sure),
             **{f"gain at {_named([c])}, points": 100 * gains[c].mean() for c in steps},
         })  # fmt: skip
@@ -138,32 +138,30 @@ def _sure_from(crossed: pd.DataFrame, data: Measured, split: str, method: str) -
 def head(work: Work) -> pd.DataFrame:
     """What labelled records change and what the network is still good for: the head with it and without."""
     rows = []
-    for name, data in work["data"].items():
-        for split in SPLITS:
-            nets = [n.value[split]["rows"] for n in work["networks"] if n.job.data == name and n.job.kind == "grafted"]
-            for count in (*work.options.counts, ALL):
-                own = [rows_of[str(count)] for rows_of in nets]
-                rows.append({
-                    "data": TITLES[name], "split by": split, "records a fault": "all" if count == ALL else str(count),
-                    "network and head": _mean_right(data, [r["calls"] for r in own]),
-                    "head alone": _mean_right(data, [r["without network"] for r in own]),
-                    "network alone": _mean_right(data, [rows_of["0"]["calls"] for rows_of in nets]),
-                })  # fmt: skip
+    for data, split, about in _parts(work):
+        nets = [value[split]["rows"] for value in _nets(work, data)]
+        for count in (*work.options.counts, ALL):
+            own = [rows_of[str(count)] for rows_of in nets]
+            rows.append({
+                **about, "records a fault": _named([count]),
+                "network and head": _right(data, [r["calls"] for r in own]),
+                "head alone": _right(data, [r["without network"] for r in own]),
+                "network alone": _right(data, [rows_of["0"]["calls"] for rows_of in nets]),
+            })  # fmt: skip
     return pd.DataFrame(rows)
 
 
 def selection(work: Work) -> pd.DataFrame:
     """The network without a label: what other label-free criteria would have chosen, and the oracle."""
     rows = []
-    for name, data in work["data"].items():
-        for split in SPLITS:
-            nets = [n.value[split] for n in work["networks"] if n.job.data == name and n.job.kind == "grafted"]
-            rows.append({
-                "data": TITLES[name], "split by": split, "chosen by": work.options.criterion,
-                **{c: _mean_right(data, [n["by criterion"][c] for n in nets]) for c in nets[0]["by criterion"]},
-                "last checkpoint": _mean_right(data, [n["checkpoints"][-1] for n in nets]),
-                "oracle": _mean_right(data, [max(n["checkpoints"], key=lambda c: _right(data, c)) for n in nets]),
-            })  # fmt: skip
+    for data, split, about in _parts(work):
+        nets = [value[split] for value in _nets(work, data)]
+        best = [max(n["checkpoints"], key=lambda called: _right(data, [called])) for n in nets]
+        rows.append({
+            **about, "chosen by": work.options.criterion,
+            **{c: _right(data, [n["by criterion"][c] for n in nets]) for c in nets[0]["by criterion"]},
+            "last checkpoint": _right(data, [n["checkpoints"][-1] for n in nets]), "oracle": _right(data, best),
+        })  # fmt: skip
     return pd.DataFrame(rows)
 
 
@@ -172,14 +170,13 @@ def sources(work: Work) -> pd.DataFrame:
     rows = []
     for name, data in work["data"].items():
         for kind in dict.fromkeys(n.job.kind for n in work["networks"]):
-            nets = [n for n in work["networks"] if n.job.data == name and n.job.kind == kind]
-            each = [n.value[SPLITS[0]]["rows"]["0"]["calls"] for n in nets]
-            score = [max(n.value[SPLITS[0]]["scores"]["source_accuracy"]) for n in nets]
-            info = [max(n.value[SPLITS[0]]["scores"]["infomax"]) for n in nets]
+            seeds = {n.job.seed for n in work["networks"] if (n.job.data, n.job.kind) == (name, kind)}
+            nets = [value[SPLITS[0]] for value in _nets(work, data, kind)]
             rows.append({
-                "data": TITLES[name], "source": kind, "seeds": len({n.job.seed for n in nets}),
-                "accuracy": _mean_right(data, each), "on its own machines held out": np.mean(score),
-                "infomax": np.mean(info),
+                "data": TITLES[name], "source": kind, "seeds": len(seeds),
+                "accuracy": _right(data, [n["rows"]["0"]["calls"] for n in nets]),
+                "on its own machines held out": np.mean([max(n["scores"]["source_accuracy"]) for n in nets]),
+                "infomax": np.mean([max(n["scores"]["infomax"]) for n in nets]),
             })  # fmt: skip
     return pd.DataFrame(rows)
 
@@ -288,11 +285,15 @@ def checks(work: Work) -> pd.DataFrame:
     }])  # fmt: skip
 
 
-def _pairs(work: Work) -> Iterator[tuple[str, str, str, str]]:
-    for data in work["data"]:
+def _parts(work: Work) -> Iterator[tuple[Measured, str, dict[str, str]]]:
+    """Every set and split, and the columns that name them."""
+    for name, data in work["data"].items():
         for split in SPLITS:
-            for first, second in AHEAD:
-                yield data, split, first, second
+            yield data, split, {"data": TITLES[name], "split by": split}
+
+
+def _nets(work: Work, data: Measured, kind: str = "grafted") -> list[dict[str, Any]]:
+    return [n.value for n in work["networks"] if (n.job.data, n.job.kind) == (data.name, kind)]
 
 
 def _named(counts: list[int]) -> str:
@@ -305,10 +306,6 @@ def _above(gain: Any) -> bool:
     return t_interval(list(gain), LEVEL)[0] > 0
 
 
-def _right(data: Measured, called: dict[str, int]) -> float:
-    return float(np.mean([data.labels[r] == c for r, c in called.items()]))
-
-
-def _mean_right(data: Measured, each: list[dict[str, int]]) -> float:
+def _right(data: Measured, each: list[dict[str, int]]) -> float:
     """Share of all recordings judged, over folds and seeds."""
     return float(np.mean([data.labels[r] == c for called in each for r, c in called.items()]))

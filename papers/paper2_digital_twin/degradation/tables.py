@@ -311,60 +311,65 @@ def claims(work: Work, tables: dict[str, pd.DataFrame]) -> pd.DataFrame:
     primary, rival = options.primary
     found, nine, pair = tables["degradation-fits"], tables["degradation-fusion9"], tables["degradation-pairs"]
     rows: list[dict[str, Any]] = []
+
+    def claim(statement: str, where: str, found: str, holds: bool) -> None:
+        verdict = "confirmed" if holds else "not confirmed"
+        rows.append({"claim": statement, "where": where, "found": found, "verdict": verdict})
+
+    models = (*EXPONENTIALS, *COMBINED)
     for name in shown(work).series:
         here = found[(found["run"] == own_run) & (found["indicator"] == name)].set_index("model")
-        r2 = {str(m): float(v) for m, v in here["R2"].items()}
-        rows.append(_claim(
+        r2, delta = here["R2"], here["bic ar1 above best"]
+        # Poor and satisfactory are no numbers: a half and nine tenths of the variance are this study's.
+        satisfactory = max(r2[list(EXPONENTIALS)]) < 0.5 and max(r2[list(COMBINED)]) >= 0.9
+        claim(
             "the exponential fit is poor, the combined power fit is satisfactory",
-            f"{own_run}, {name}, R2 of whole run",
-            "; ".join(f"{m} {r2[m]:.3f}" for m in (*EXPONENTIALS, *COMBINED)),
-            # Poor and satisfactory are no numbers: a half and nine tenths of the variance are this study's.
-            max(r2[m] for m in EXPONENTIALS) < 0.5 and max(r2[m] for m in COMBINED) >= 0.9,
-        ))  # fmt: skip
-        delta = here["bic ar1 above best"]
-        rows.append(_claim(
+            f"{own_run}, {name}, R2 of whole run", "; ".join(f"{m} {r2[m]:.3f}" for m in models), satisfactory,
+        )  # fmt: skip
+        claim(
             "combined power is preferred to exponential", f"{own_run}, {name}, BIC with AR(1) residuals",
-            "; ".join(f"{m} +{delta[m]:.1f}" for m in (*EXPONENTIALS, *COMBINED)),
-            bool(min(delta[m] for m in COMBINED) < min(delta[m] for m in EXPONENTIALS)),
-        ))  # fmt: skip
+            "; ".join(f"{m} +{delta[m]:.1f}" for m in models),
+            min(delta[list(COMBINED)]) < min(delta[list(EXPONENTIALS)]),
+        )  # fmt: skip
     for row in tables["degradation-criteria"].to_dict("records"):
         if row["criterion"] == "bic ar1" and row["runs"] > 1:
             better = row["combined below exponential"]
-            rows.append(_claim(
+            claim(
                 "combined power is preferred to exponential", f"all runs, {row['indicator']}, BIC with AR(1) residuals",
                 f"in {better} of {row['runs']} runs", better > row["runs"] / 2,
-            ))  # fmt: skip
+            )  # fmt: skip
     for family in dict.fromkeys(j.run.family for j in work["judged"]):
         there = {j.run.name for j in work["judged"] if j.run.family == family}
-        part = nine[nine["run"].isin(there)]
-        part = part[part["sensitivity rank"].notna()] if "sensitivity rank" in part else part.iloc[:0]
-        first = int((part["sensitivity rank"] == 1).sum()) if len(part) else 0
-        rows.append(_claim(
-            "fusion feature 9 is the most sensitive", f"{family}, all readings of all runs that have nine",
-            f"first in {first} of {len(part)} readings" + (
-                f", median rank {part['sensitivity rank'].median():.0f}" if len(part) else ""),
-            bool(len(part)) and first == len(part),
-        ))  # fmt: skip
-        later_first = int((part["sensitivity rank among 9 on"] == 1).sum()) if len(part) else 0
-        rows.append(_claim(
-            "fusion feature 9 is the most sensitive of 9 to 15", f"{family}, all readings of all runs that have nine",
-            f"first in {later_first} of {len(part)} readings", bool(len(part)) and later_first == len(part),
-        ))  # fmt: skip
+        # Where no run has nine features, the table lacks these columns.
+        ranked = ("sensitivity rank", "sensitivity rank among 9 on", "variance share", "later better")
+        part = nine[nine["run"].isin(there)].reindex(columns=[*dict.fromkeys((*nine.columns, *ranked))])
+        part = part[part["sensitivity rank"].notna()]
+        count, several = len(part), f"{family}, all readings of all runs that have nine"
+        first = int((part["sensitivity rank"] == 1).sum())
+        rank = f", median rank {part['sensitivity rank'].median():.0f}" if count else ""
+        claim(
+            "fusion feature 9 is the most sensitive", several, f"first in {first} of {count} readings{rank}",
+            0 < count == first,
+        )  # fmt: skip
+        first = int((part["sensitivity rank among 9 on"] == 1).sum())
+        claim(
+            "fusion feature 9 is the most sensitive of 9 to 15", several, f"first in {first} of {count} readings",
+            0 < count == first,
+        )  # fmt: skip
         for learnt in ("whole run", "healthy start"):
-            own = part[(part["learnt from"] == learnt) & (part["order"] == "descending")] if len(part) else part
-            share = float(own["variance share"].mean()) if len(own) else np.nan
-            rows.append(_claim(
+            own = part[(part["learnt from"] == learnt) & (part["order"] == "descending")]
+            share, better = own["variance share"].mean(), int(own["later better"].sum())
+            claim(
                 "fusion features 9 to 15 are those of low variance, and the better ones",
                 f"{family}, {learnt}, ordered by falling variance",
                 f"9 has {100 * share:.2g} % of the variance; 9 to 15 more sensitive in "
-                f"{int(own['later better'].sum()) if len(own) else 0} of {len(own)} readings",
-                bool(len(own)) and bool(own["later better"].all()),
-            ))  # fmt: skip
-        later = int(part["later better"].sum()) if len(part) else 0
-        rows.append(_claim(
+                f"{better} of {len(own)} readings", 0 < len(own) == better,
+            )  # fmt: skip
+        later = int(part["later better"].sum())
+        claim(
             "fusion features 9 to 15 outperform 1 to 8", f"{family}, mean sensitivity, all readings",
-            f"in {later} of {len(part)} readings", bool(len(part)) and later == len(part),
-        ))  # fmt: skip
+            f"in {later} of {count} readings", 0 < count == later,
+        )  # fmt: skip
     for name in dict.fromkeys(pair["indicator"]):
         here = pair[(pair["indicator"] == name) & (pair["fit"] == "squares")]
         here = here[(here["combined"] == primary) & (here["exponential"] == rival)].set_index("run")
@@ -372,29 +377,25 @@ def claims(work: Work, tables: dict[str, pd.DataFrame]) -> pd.DataFrame:
         femto = ratio[[r for r in ratio.index if r.startswith("FEMTO")]]
         own = ratio.get(own_run)
         lower = int((femto < 1).sum())
-        rows.append(_claim(
+        claim(
             f"out-of-sample error of {primary} below {rival} on {own_run} and at least 4 of 6 FEMTO runs",
             f"{name}, ratio of median errors on {'all later records' if options.error == 'rest' else 'the next tenth'}",
             f"{own_run} {'no such indicator' if own is None else f'{own:.3f}'}; {lower} of {len(femto)} FEMTO runs",
             own is not None and own < 1 and lower >= 4,
-        ))  # fmt: skip
+        )  # fmt: skip
     # The same comparison where the law is known: it should prefer the true model in nine runs of ten.
     for truth, right in ((primary, True), (rival, False)):
         for row in tables["degradation-known-law"].to_dict("records"):
             if row["made with"] != truth:
                 continue
             shares = [row["by BIC with AR(1) residuals"], row["by error on all later records"]]
-            rows.append(_claim(
+            claim(
                 f"{primary} is {'' if right else 'not '}preferred to {rival} where runs are made with {truth}",
                 f"simulated, memory of noise {row['memory of noise']:g}, {row['runs']} runs",
                 f"preferred by BIC with AR(1) residuals in {shares[0]:.0%}, by error on all later records in "
                 f"{shares[1]:.0%}", all((share if right else 1 - share) >= 0.9 for share in shares),
-            ))  # fmt: skip
+            )  # fmt: skip
     return pd.DataFrame(rows)
-
-
-def _claim(statement: str, where: str, found: str, holds: bool) -> dict[str, Any]:
-    return {"claim": statement, "where": where, "found": found, "verdict": "confirmed" if holds else "not confirmed"}
 
 
 def _analyses(work: Work) -> Iterator[tuple[Any, dict[str, Any]]]:
