@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import itertools
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -109,11 +110,9 @@ def diagnosed(wanted: Wanted, *, root: str | None, config: str) -> dict[str, Any
 def trainings_of(case: Case, options: Lives, named: Added | None, size: Size) -> Iterator[Job]:
     """Trainings of the printed twin, of the same with the named effects where there are any, and of the closed one."""
     twins = [(PRINTED, None), *([(PRINTED, named)] if named is not None else []), (CLOSED, None)]
-    for seed in range(size.seeds):
-        for variant, more in twins:
-            for model in MODELS:
-                shape = dataclasses.replace(architecture_of(model), strides=STRIDES)
-                yield job_of(case, options, variant, model, shape, seed, size, added=more)
+    for seed, (variant, more), model in itertools.product(range(size.seeds), twins, MODELS):
+        shape = dataclasses.replace(architecture_of(model), strides=STRIDES)
+        yield job_of(case, options, variant, model, shape, seed, size, added=more)
 
 
 def wanted(work: Work) -> list[Wanted]:

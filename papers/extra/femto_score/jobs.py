@@ -11,6 +11,7 @@ are trained at cuts of the other runs in the same band of life, so they know whe
 from __future__ import annotations
 
 import dataclasses
+import itertools
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -377,9 +378,8 @@ def cuts_of(work: Work) -> dict[str, list[int]]:
 
 
 def growths(work: Work) -> Iterator[Growth]:
-    for name in work["runs"]:
-        for indicator in INDICATORS:
-            yield Growth(name, indicator, tuple(work["cuts"][name]))
+    for name, indicator in itertools.product(work["runs"], INDICATORS):
+        yield Growth(name, indicator, tuple(work["cuts"][name]))
 
 
 def grown(work: Work) -> dict[tuple[str, str], dict[str, Any]]:
@@ -388,10 +388,9 @@ def grown(work: Work) -> dict[tuple[str, str], dict[str, Any]]:
 
 def predictions(work: Work) -> Iterator[Prediction]:
     """Every run by every method, those that draw lots with several seeds."""
-    for name in work["runs"]:
-        for method in METHODS:
-            for seed in range(work.seed, work.seed + (work.size.seeds if method in DRAWN else 1)):
-                yield Prediction(name, method, seed)
+    for name, method in itertools.product(work["runs"], METHODS):
+        for seed in range(work.seed, work.seed + (work.size.seeds if method in DRAWN else 1)):
+            yield Prediction(name, method, seed)
 
 
 def of_runs(work: Work) -> Inputs:

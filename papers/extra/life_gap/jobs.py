@@ -12,6 +12,7 @@ each stage, and nothing is trained on it.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -114,18 +115,16 @@ def added(row: dict[str, Any]) -> Added | None:
 
 def trainings_of(case: Case, options: Lives, more: Added | None, size: Size) -> Iterator[Job]:
     """Trainings without and with the named effects."""
-    for seed in range(size.seeds):
-        for what in (None, more) if more is not None else (None,):
-            for model in MODELS:
-                shape = architecture_of(model, printed=options.judging.printed)
-                yield job_of(case, options, VARIANT, model, shape, seed, size, added=what)
+    twins = (None, more) if more is not None else (None,)
+    for seed, what, model in itertools.product(range(size.seeds), twins, MODELS):
+        shape = architecture_of(model, printed=options.judging.printed)
+        yield job_of(case, options, VARIANT, model, shape, seed, size, added=what)
 
 
 def questions(bearings: Sequence[str], femto_runs: Sequence[str], seed: int) -> Iterator[Asked]:
     """Every diagnosis: the rig's by stage and speed, each run up to now, FEMTO's by stage and condition."""
-    for stage in STAGES:
-        for speed in SPEEDS:
-            yield Asked("rig", stage, speed, tuple(bearings), seed)
+    for stage, speed in itertools.product(STAGES, SPEEDS):
+        yield Asked("rig", stage, speed, tuple(bearings), seed)
     for bearing in bearings:
         yield Asked("rig", SEEN, "all", (bearing,), seed)
     for condition in sorted({name[len("Bearing")] for name in femto_runs}):

@@ -11,6 +11,7 @@ no noise added; windows are shifted and turned about only where they are wavefor
 from __future__ import annotations
 
 import dataclasses
+import itertools
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Final
 
@@ -32,16 +33,14 @@ METHODS: Final = ("Non-DA", "Non-DA, gap closed", "DANN", "Proposed")
 def trials(ready: Prepared, task: TaskFile, options: Options, common: Common, steps: int) -> Iterator[Trial]:
     """Each quantity under each method, at each seed of the cell."""
     judging, cell = common.judging, ready.cell
-    for seed in cell.seeds:
-        for method in METHODS:
-            closed = options.closed[task.family] if method in CLOSED else ()
-            for quantity in QUANTITIES:
-                inputs = dataclasses.replace(options.inputs, quantity=quantity)
-                training = dataclasses.replace(options.training, steps=steps, vary=inputs.waveforms)
-                yield Trial(
-                    task.name, cell.available, cell.unseen, method, seed, None, training, inputs, judging.criterion,
-                    judging.held_out, judging.false_alarm, dataclasses.replace(ready.recipe, closed=closed),
-                )  # fmt: skip
+    for seed, method, quantity in itertools.product(cell.seeds, METHODS, QUANTITIES):
+        closed = options.closed[task.family] if method in CLOSED else ()
+        inputs = dataclasses.replace(options.inputs, quantity=quantity)
+        training = dataclasses.replace(options.training, steps=steps, vary=inputs.waveforms)
+        yield Trial(
+            task.name, cell.available, cell.unseen, method, seed, None, training, inputs, judging.criterion,
+            judging.held_out, judging.false_alarm, dataclasses.replace(ready.recipe, closed=closed),
+        )  # fmt: skip
 
 
 def _asked(cell: Cell, same_bearings: bool) -> bool:

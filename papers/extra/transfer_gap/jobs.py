@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import itertools
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -145,13 +146,11 @@ def populations(work: Work) -> list[Population]:
 def networks(work: Work) -> Iterator[NetworkJob]:
     common, size = read_options(), work.size
     training = dataclasses.replace(common.training, steps=size.steps)
-    for seed in range(work.seed, work.seed + size.seeds):
-        for name in work["data"]:
-            for kind in KINDS:
-                for fold in range(1 if size.smoke else common.folds):
-                    yield NetworkJob(
-                        name, kind, fold, common.folds, seed, (), common.criterion, training, common.head, common.image
-                    )
+    seeds, folds = range(work.seed, work.seed + size.seeds), range(1 if size.smoke else common.folds)
+    for seed, name, kind, fold in itertools.product(seeds, work["data"], KINDS, folds):
+        yield NetworkJob(
+            name, kind, fold, common.folds, seed, (), common.criterion, training, common.head, common.image
+        )
 
 
 def inputs(work: Work) -> Inputs:

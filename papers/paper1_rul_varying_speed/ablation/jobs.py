@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import itertools
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -132,10 +133,9 @@ def with_true_lives(case: Case, options: Adaptation) -> Case:
 
 def trainings_of(case: Case, options: Lives, size: Size, seed: int) -> Iterator[Job]:
     """Models innermost: those of a seed share their simulated records."""
-    for k in range(size.seeds):
-        for model in size.models:
-            shape = architecture_of(model, printed=options.judging.printed, models=ADVERSARIAL)
-            yield job_of(case, options, VARIANT, model, shape, seed + k, size)
+    for k, model in itertools.product(range(size.seeds), size.models):
+        shape = architecture_of(model, printed=options.judging.printed, models=ADVERSARIAL)
+        yield job_of(case, options, VARIANT, model, shape, seed + k, size)
 
 
 def _words(lives: str, job: Job) -> str:

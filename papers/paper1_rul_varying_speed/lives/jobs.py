@@ -11,6 +11,7 @@ conditions.
 from __future__ import annotations
 
 import dataclasses
+import itertools
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
@@ -58,11 +59,9 @@ def results(work: Work) -> list[CaseResult]:
 
 def _jobs(case: Case, options: Options, sizes: Profile, seed: int) -> Iterator[Job]:
     """Models innermost: those of a twin and seed share their simulated records."""
-    for variant in sizes.variants:
-        for i in range(sizes.seeds):
-            for model in sizes.models:
-                shape = architecture_of(model, printed=options.judging.printed)
-                yield job_of(case, options, variant, model, shape, seed + i, sizes, embedded=i == 0)
+    for variant, i, model in itertools.product(sizes.variants, range(sizes.seeds), sizes.models):
+        shape = architecture_of(model, printed=options.judging.printed)
+        yield job_of(case, options, variant, model, shape, seed + i, sizes, embedded=i == 0)
 
 
 def _log_case(log: Run, results: list[CaseResult], title: str) -> None:

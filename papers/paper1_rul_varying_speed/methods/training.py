@@ -122,7 +122,7 @@ def domain_loss(logits: Tensor, domain: float) -> Tensor:
 
 def train_life(
     simulated: Snapshots, real: Snapshots, architecture: LifeArchitecture, scales: LifeScales,
-    settings: LifeTraining | None = None, seed: int = 0, device: str = "auto",
+    settings: LifeTraining | None = None, seed: int = 0,
 ) -> TrainedLife:  # fmt: skip
     """Train one model: same seed, same bytes on the same kind of device.
 
@@ -134,14 +134,13 @@ def train_life(
         Of the run up to now, after the anomaly; not used by a model that is not adversarial.
     seed : int
         Of weights and order of batches.
-    device : {"auto", "cpu", "cuda"}
     """
     settings = settings or LifeTraining()
     if simulated.revolutions is None:
         raise TwingapError("simulated records without labels", where="training")
     if real.revolutions is not None:
         raise TwingapError("labels of the real run may not reach training", where="training", mend="use unlabelled()")
-    place = best_device(device)
+    place = best_device("auto")
     with reproducible(seed):
         net = LifeNetwork(architecture).to(place)
         optimiser = torch.optim.AdamW(net.parameters(), lr=settings.learning_rate, weight_decay=settings.weight_decay)

@@ -11,6 +11,7 @@ Used in: Paper 2, diagnosis by how much fault data there is.
 from __future__ import annotations
 
 import dataclasses
+import itertools
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -330,29 +331,26 @@ def kinds(work: Work) -> dict[Kind, int]:
 
 
 def plants(work: Work) -> dict[str, Plant]:
+    options, machines, healthy = work.options, work.size.machines, work["healthy"]
     return {
-        f"{name} {kind} {fold}":
-            _plant(work.options, own, kind, fold, work.size.machines, tuple(work["healthy"][name]), work.seed)
-        for name, own in work["data"].items()
-        for kind in kinds(work)
-        for fold in folds(work)
-    }  # fmt: skip
+        f"{name} {kind} {fold}": _plant(options, own, kind, fold, machines, tuple(healthy[name]), work.seed)
+        for (name, own), kind, fold in itertools.product(work["data"].items(), kinds(work), folds(work))
+    }
 
 
 def shallows(work: Work) -> Iterator[ShallowJob]:
     options = work.options
-    for name in work["data"]:
-        for seed in range(work.seed, work.seed + work.size.seeds):
-            for fold in folds(work):
-                yield ShallowJob(name, fold, options.folds, seed, (*options.counts, ALL), options.map)
+    seeds = range(work.seed, work.seed + work.size.seeds)
+    for name, seed, fold in itertools.product(work["data"], seeds, folds(work)):
+        yield ShallowJob(name, fold, options.folds, seed, (*options.counts, ALL), options.map)
 
 
 def alarms(work: Work) -> Iterator[AlarmJob]:
     """Alarms by set, healthy recording kept from the map, and seed."""
+    seeds = range(work.seed, work.seed + work.size.seeds)
     for name, own in work["data"].items():
-        for without in ("", *own.healthy()):
-            for seed in range(work.seed, work.seed + work.size.seeds):
-                yield AlarmJob(name, without, seed, work.options.false_alarm, work.options.map)
+        for without, seed in itertools.product(("", *own.healthy()), seeds):
+            yield AlarmJob(name, without, seed, work.options.false_alarm, work.options.map)
 
 
 def checks(work: Work) -> Iterator[CheckJob]:
@@ -368,13 +366,11 @@ def networks(work: Work) -> Iterator[NetworkJob]:
     options = work.options
     training = dataclasses.replace(options.training, steps=work.size.steps)
     for kind, count in kinds(work).items():
-        for seed in range(work.seed, work.seed + count):
-            for name in work["data"]:
-                for fold in folds(work):
-                    yield NetworkJob(
-                        name, kind, fold, options.folds, seed, (*options.counts, ALL) if kind == "grafted" else (),
-                        options.criterion, training, options.head, options.image,
-                    )  # fmt: skip
+        seeds, counts = range(work.seed, work.seed + count), (*options.counts, ALL) if kind == "grafted" else ()
+        for seed, name, fold in itertools.product(seeds, work["data"], folds(work)):
+            yield NetworkJob(
+                name, kind, fold, options.folds, seed, counts, options.criterion, training, options.head, options.image
+            )
 
 
 def of_data(work: Work) -> Inputs:

@@ -9,6 +9,7 @@ Used in: Paper 2, section 4.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -238,21 +239,19 @@ def series(work: Work) -> Inputs:
 def checks(work: Work) -> Iterator[Coverage]:
     """Kinds of simulated runs: the right model and the wrong one, with and without memory, early and late in life."""
     options, size = work.options, work.size
-    for truth, model in [(name, name) for name in TRUTHS] + [tuple(options.primary), tuple(options.primary[::-1])]:
-        for memory in MEMORIES:
-            for share in (0.5, 0.7, 0.9):
-                yield Coverage(
-                    truth, model, memory, share, size.coverage_runs, options.simulated_rows, min(size.curves, 100),
-                    options.simulated_noise, options.interval_level, work.seed,
-                )  # fmt: skip
+    pairs = [*((name, name) for name in TRUTHS), options.primary, options.primary[::-1]]
+    for (truth, model), memory, share in itertools.product(pairs, MEMORIES, (0.5, 0.7, 0.9)):
+        yield Coverage(
+            truth, model, memory, share, size.coverage_runs, options.simulated_rows, min(size.curves, 100),
+            options.simulated_noise, options.interval_level, work.seed,
+        )  # fmt: skip
 
 
 def known_laws(work: Work) -> Iterator[KnownLaw]:
     """Simulated runs on which the claim can be true: of every curve, with and without memory of the noise."""
     options = work.options
-    for truth in TRUTHS:
-        for memory in MEMORIES:
-            yield KnownLaw(
-                truth, options.primary, memory, max(1, work.size.coverage_runs // 4), options.simulated_rows,
-                options.simulated_noise, work.seed,
-            )  # fmt: skip
+    for truth, memory in itertools.product(TRUTHS, MEMORIES):
+        yield KnownLaw(
+            truth, options.primary, memory, max(1, work.size.coverage_runs // 4), options.simulated_rows,
+            options.simulated_noise, work.seed,
+        )  # fmt: skip

@@ -132,9 +132,7 @@ def images(found: Modulation, healthy_power: Array, options: ImageOptions) -> Im
     return np.stack(channels, axis=1).astype(np.float32)
 
 
-def scalogram(
-    x: ArrayLike, fs_hz: float, frequencies_hz: ArrayLike, *, bandwidth: float = 1.5, centre: float = 1.0
-) -> Array:
+def scalogram(x: ArrayLike, fs_hz: float, frequencies_hz: ArrayLike, *, bandwidth: float = 1.5) -> Array:
     """Modulus of the continuous wavelet transform with the complex Morlet wavelet [..., frequencies, samples].
 
     Peak amplitude, unit of x: a tone of amplitude A reads A in its row, away from the record's ends.
@@ -145,10 +143,10 @@ def scalogram(
         The mean is not taken out.
     frequencies_hz : array_like [frequencies]
         Above 0 and below half the rate `fs_hz`. Close to half the rate amplitudes read low, as part of the wavelet's
-        band lies beyond it (2 % at 0.4 of the rate with the defaults, 38 % at 0.45).
-    bandwidth, centre : float
-        Of PyWavelets' ``cmorB-C``, exp(-t^2 / B) exp(2 pi j C t) / sqrt(pi B): C sqrt(B) says how many oscillations a
-        wavelet holds, so more of it resolves frequency better and time worse.
+        band lies beyond it (2 % at 0.4 of the rate with the default, 38 % at 0.45).
+    bandwidth : float
+        Of PyWavelets' ``cmorB-1``, exp(-t^2 / B) exp(2 pi j t) / sqrt(pi B): more of it resolves frequency better and
+        time worse.
     """
     import pywt
 
@@ -161,8 +159,8 @@ def scalogram(
             f"one row between 0 and {rate / 2:g} Hz expected",
             where=where,
         )
-    scales = centre * rate / frequencies
-    wavelet = pywt.ContinuousWavelet(f"cmor{bandwidth!r}-{centre!r}")
+    scales = rate / frequencies
+    wavelet = pywt.ContinuousWavelet(f"cmor{bandwidth!r}-1.0")
     # The wavelet must have died away where PyWavelets cuts it off (at 8 by default).
     wavelet.lower_bound, wavelet.upper_bound = -(reach := math.sqrt(40 * bandwidth)), reach
     coefficients, _ = pywt.cwt(signals, scales, wavelet, method="fft", axis=-1)
