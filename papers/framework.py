@@ -21,12 +21,10 @@ from typing import TYPE_CHECKING, Any
 
 from papers.figures import style
 from papers.imports import digest_of_imports
-from twingap import files
+from twingap import TwingapError, files
 from twingap.config import build, read_toml
-from twingap.errors import TwingapError
 from twingap.provenance import digest_of_path, plain
-from twingap.sweep import Result, sweep
-from twingap.sweep.backends import BACKENDS
+from twingap.sweep import BACKENDS, Result, sweep
 from twingap.track import NullTracker, Run
 
 if TYPE_CHECKING:

@@ -6,8 +6,8 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import TypeVar
 
+from twingap import TwingapError
 from twingap.config import build, read_toml
-from twingap.errors import TwingapError
 
 T = TypeVar("T")
 

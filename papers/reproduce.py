@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from papers.framework import Progress, Work, load_study
-from twingap.errors import TwingapError
+from twingap import TwingapError
 from twingap.track import NullTracker, Tracker
 
 FOLDERS: Final = {

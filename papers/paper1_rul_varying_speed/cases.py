@@ -27,11 +27,8 @@ from papers.paper1_rul_varying_speed.methods.degradation import end_row
 from papers.paper1_rul_varying_speed.methods.remaining_life import remaining_revolutions, remaining_time_s
 from papers.paper1_rul_varying_speed.methods.run import Run, read_run
 from papers.paper1_rul_varying_speed.methods.simulated_lives import Snapshots, measured_snapshots
-from twingap import data
-from twingap.bearing import Bearing
-from twingap.errors import TwingapError
+from twingap import Bearing, RecordSet, TwingapError, data
 from twingap.prognosis import normalised_peak_to_peak
-from twingap.records import RecordSet
 from twingap.rigs import SmartMaintenanceRig, stored_records, truth
 
 

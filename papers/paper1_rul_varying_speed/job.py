@@ -20,8 +20,8 @@ from papers.paper1_rul_varying_speed.methods.architecture import LifeArchitectur
 from papers.paper1_rul_varying_speed.methods.degradation import Trajectory
 from papers.paper1_rul_varying_speed.methods.metrics import rmse
 from papers.paper1_rul_varying_speed.methods.simulated_lives import LifeSimulator, SignalModel, Snapshots, joined
+from twingap import Condition, Record
 from twingap.effects import apply_to_waveform, make_effect
-from twingap.records import Condition, Record
 from twingap.streams import Streams
 from twingap.sweep import Result
 

@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 
 from papers.paper3_zoa_dann.inputs.options import IdentificationOptions, SourceOptions
 from papers.paper3_zoa_dann.source import Recipe, identify, simulate
+from twingap import Bearing
 from twingap import adapt as adaptation
 from twingap.adapt import CRITERIA, Evidence, Method, Trained, Training, Windows, inputs, outputs, score
-from twingap.bearing import Bearing
 
 if TYPE_CHECKING:
     from papers.framework import Work

@@ -24,11 +24,9 @@ from scipy.stats import qmc
 
 from papers.arrays import Array
 from papers.paper3_zoa_dann.inputs.options import IdentificationOptions, SourceOptions
+from twingap import Bearing, Condition, RecordSet, TwingapError
 from twingap.adapt import Windows, cut, joined
-from twingap.bearing import Bearing
 from twingap.effects import Effect, SecondResonance, catalogue, make_effect
-from twingap.errors import TwingapError
-from twingap.records import Condition, RecordSet
 from twingap.signal.spectrum import averaged_spectrum
 from twingap.streams import Streams, root_entropy
 from twingap.twins.contact import ContactTwin, make_each

@@ -10,9 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from papers.paper3_zoa_dann.inputs.options import TargetOptions
-from twingap import data
-from twingap.errors import TwingapError
-from twingap.records import Condition, RecordSet
+from twingap import Condition, RecordSet, TwingapError, data
 from twingap.rigs import make_rig
 
 

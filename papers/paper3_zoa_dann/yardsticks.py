@@ -14,10 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from papers.arrays import Array
+from twingap import Bearing
 from twingap.adapt import Windows
-from twingap.bearing import Bearing
-from twingap.signal.envelope import lines_at, most_impulsive_band, squared_envelope_spectrum
-from twingap.signal.spectrum import Spectrum
+from twingap.signal import Spectrum, lines_at, most_impulsive_band, squared_envelope_spectrum
 
 Read = Literal["whole", "impulsive"]
 HARMONICS = 2

@@ -25,11 +25,9 @@ from papers.paper3_zoa_dann.comparison.task_files import Material, windows_to_ad
 from papers.paper3_zoa_dann.comparison.trial import fleet_examples
 from papers.paper3_zoa_dann.inputs.options import read_options as read_common
 from papers.paper3_zoa_dann.source import Recipe, simulate
-from twingap.adapt import CRITERIA, Evidence, Windows
+from twingap import Bearing, TwingapError
+from twingap.adapt import CRITERIA, Evidence, Outputs, Windows
 from twingap.adapt.order_features import names, order_features
-from twingap.adapt.training import Outputs
-from twingap.bearing import Bearing
-from twingap.errors import TwingapError
 
 if TYPE_CHECKING:
     from papers.framework import Work

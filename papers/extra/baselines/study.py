@@ -9,7 +9,6 @@ from typing import Any
 import pandas as pd
 
 from papers.extra.baselines import jobs
-from papers.extra.baselines.jobs import PLAIN, Trial
 from papers.framework import Step, Study, Work
 from papers.paper3_zoa_dann.comparison.jobs import Options, check, load_tasks
 from papers.paper3_zoa_dann.significance import corrected, paired
@@ -24,7 +23,7 @@ def all_tables(work: Work) -> dict[str, pd.DataFrame]:
     return {"baselines": rows, "baselines-mean": means(rows), "baselines-tests": tests(rows)}
 
 
-def table(found: Sequence[tuple[str, Result[Trial]]]) -> pd.DataFrame:
+def table(found: Sequence[tuple[str, Result[jobs.Trial]]]) -> pd.DataFrame:
     """A row per trial and held-out unit: recordings (all windows), bearings (those of bearings not adapted to)."""
     rows = []
     for data, own in found:
@@ -56,8 +55,8 @@ def tests(rows: pd.DataFrame) -> pd.DataFrame:
     for (held_out, data, source), own in rows.groupby(["held_out", "data", "source"], sort=False):
         pairs = own.pivot_table(index=["task", "seed"], columns="method", values="accuracy", sort=False)
         about = {"held_out": held_out, "data": data, "source": source}
-        methods = [name for name in pairs.columns if name != PLAIN]
-        out += corrected([about | {"method": name} | paired(pairs[name], pairs[PLAIN])[1] for name in methods])
+        methods = [name for name in pairs.columns if name != jobs.PLAIN]
+        out += corrected([about | {"method": name} | paired(pairs[name], pairs[jobs.PLAIN])[1] for name in methods])
     return pd.DataFrame(out)
 
 

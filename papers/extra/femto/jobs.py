@@ -25,13 +25,10 @@ import numpy as np
 from papers.arrays import Array
 from papers.extra.femto import rivals
 from papers.paper1_rul_varying_speed.methods.remaining_life import remaining_time_s
-from twingap.data import NotAtHandError, load
-from twingap.data.root import data_root
-from twingap.errors import TwingapError
-from twingap.prognosis.online import OnlineLife
-from twingap.prognosis.outcomes import Outcome, prior_from
+from twingap import TwingapError
+from twingap.data import NotAtHandError, data_root, load
+from twingap.prognosis import OnlineLife, Outcome, Prior, prior_from
 from twingap.prognosis.past_errors import PastIntervals
-from twingap.prognosis.prior import Prior
 from twingap.provenance import digest_of_path, digest_of_value
 from twingap.signal.features import time_features
 

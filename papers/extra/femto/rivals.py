@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 
 from papers.arrays import Array
 from papers.paper1_rul_varying_speed.methods.degradation import fit_damage
-from twingap.errors import TwingapError
+from twingap import TwingapError
 
 
 @dataclass(frozen=True)

@@ -9,23 +9,22 @@ import numpy as np
 import pandas as pd
 
 from papers.extra.femto import figures, jobs
-from papers.extra.femto.jobs import ALONE, CUTS, METHODS, POOLED, RIVALS, Measured, Prediction, outcome, revolutions
 from papers.framework import Step, Study, Work
 from papers.paper1_rul_varying_speed.methods import metrics
 from twingap.prognosis.outcomes import prior_from
 from twingap.prognosis.prior import LEARNT
 
 
-def pooled(bearing: str, runs: dict[str, Measured], alone: dict[str, dict[str, Any]]) -> dict[str, Any]:
+def pooled(bearing: str, runs: dict[str, jobs.Measured], alone: dict[str, dict[str, Any]]) -> dict[str, Any]:
     """`predict` by growth alone of a bearing, pooled with what other runs say.
 
     Weight and width of intervals are those that the other bearings choose among themselves: neither this one's life nor
     its predictions enter them.
     """
     run, found = runs[bearing], alone[bearing]
-    others = [outcome(name, other, alone[name]) for name, other in runs.items() if name != bearing]
+    others = [jobs.outcome(name, other, alone[name]) for name, other in runs.items() if name != bearing]
     prior = prior_from(others, run.load_n)
-    turns, onset = revolutions(run), found["onset"]
+    turns, onset = jobs.revolutions(run), found["onset"]
     columns = np.column_stack([np.asarray(found[k], float) for k in ("low", "predicted", "high")])
     per_time = run.speed_rpm / 60
     for row in range(turns.size):
@@ -41,13 +40,13 @@ def pooled(bearing: str, runs: dict[str, Measured], alone: dict[str, dict[str, A
     return found | told | {what: getattr(prior, what) for what in LEARNT}
 
 
-def judge(run: Measured, found: dict[str, Any]) -> dict[str, float]:
+def judge(run: jobs.Measured, found: dict[str, Any]) -> dict[str, float]:
     """All metrics of one prediction: after the alarm, and at the challenge's cuts."""
     true, predicted = run.remaining_s, np.asarray(found["predicted"], float)
     low, high = np.asarray(found["low"], float), np.asarray(found["high"], float)
     after = slice(found["alarm"], true.size - 1) if found["alarm"] is not None else slice(0, 0)
     t, p = true[after], predicted[after]
-    cuts = [round(share * (true.size - 1)) for share in CUTS]
+    cuts = [round(share * (true.size - 1)) for share in jobs.CUTS]
     inside = metrics.coverage(t, low[after], high[after])
     return {
         "rows": t.size, "rmse_s": metrics.rmse(t, p),
@@ -61,7 +60,7 @@ def judge(run: Measured, found: dict[str, Any]) -> dict[str, float]:
     }  # fmt: skip
 
 
-def table(runs: dict[str, Measured], results: Sequence[tuple[Prediction, dict[str, Any]]]) -> pd.DataFrame:
+def table(runs: dict[str, jobs.Measured], results: Sequence[tuple[jobs.Prediction, dict[str, Any]]]) -> pd.DataFrame:
     """A row per bearing and method; of several seeds, the mean, and how far their RMSE scatters."""
     rows = [
         {"bearing": job.bearing, "method": job.method, "seed": job.seed, "alarm_row": value["alarm"],
@@ -72,7 +71,7 @@ def table(runs: dict[str, Measured], results: Sequence[tuple[Prediction, dict[st
     by = ["bearing", "method"]
     every = pd.DataFrame(rows)
     every["bearing"] = pd.Categorical(every["bearing"], list(runs))
-    every["method"] = pd.Categorical(every["method"], METHODS)
+    every["method"] = pd.Categorical(every["method"], jobs.METHODS)
     grouped = every.drop(columns="seed").groupby(by, sort=True, observed=True, as_index=False)
     found = grouped.mean()
     return found.assign(seeds=grouped.size()["size"], rmse_std_s=grouped["rmse_s"].std(ddof=1)["rmse_s"])
@@ -92,13 +91,13 @@ def wins(every: pd.DataFrame) -> pd.DataFrame:
     for metric in ("rmse_s", *higher):
         values = plain.pivot(index="bearing", columns="method", values=metric)
         sign, best = (1, "max") if metric in higher else (-1, "min")
-        rivals = values[list(RIVALS)]
+        rivals = values[list(jobs.RIVALS)]
         chosen = str((sign * rivals.mean()).idxmax())
         against = {
             "best of each bearing": rivals.agg(best, axis=1), f"best on average: {chosen}": rivals[chosen],
-            **{name: rivals[name] for name in RIVALS},
+            **{name: rivals[name] for name in jobs.RIVALS},
         }  # fmt: skip
-        for method in (POOLED, ALONE):
+        for method in (jobs.POOLED, jobs.ALONE):
             for name, rival in against.items():
                 good = sign * values[method] >= sign * rival
                 rows.append(
@@ -110,8 +109,8 @@ def wins(every: pd.DataFrame) -> pd.DataFrame:
 
 def all_tables(work: Work) -> dict[str, pd.DataFrame]:
     runs, found = work["runs"], work["predictions"]
-    alone = {r.job.bearing: r.value for r in found if r.job.method == ALONE}
-    together = [(Prediction(name, POOLED, 0), pooled(name, runs, alone)) for name in runs]
+    alone = {r.job.bearing: r.value for r in found if r.job.method == jobs.ALONE}
+    together = [(jobs.Prediction(name, jobs.POOLED, 0), pooled(name, runs, alone)) for name in runs]
     every = table(runs, together + [(r.job, r.value) for r in found])
     return {"femto": every, "femto_wins": wins(every)}
 

@@ -32,12 +32,10 @@ from papers.paper1_rul_varying_speed.lives.options import Options as Lives
 from papers.paper1_rul_varying_speed.lives.options import read_options
 from papers.paper1_rul_varying_speed.methods.architecture import architecture_of
 from papers.paper1_rul_varying_speed.methods.run import read_run
-from twingap.data import load
-from twingap.data.root import data_root
-from twingap.errors import TwingapError
+from twingap import RecordSet, TwingapError
+from twingap.data import data_root, load
 from twingap.gap.knowledge import shipped_digest
 from twingap.provenance import digest_of_path
-from twingap.records import RecordSet
 
 if TYPE_CHECKING:
     from papers.framework import Inputs, Work

@@ -9,19 +9,6 @@ import pandas as pd
 
 from papers.extra.femto.jobs import at_hand, files
 from papers.extra.femto_score import jobs
-from papers.extra.femto_score.jobs import (
-    CONSTANT,
-    INDICATORS,
-    LIVES,
-    METHODS,
-    SHARE,
-    SHARES,
-    UNLOADED,
-    Run,
-    best_point,
-    best_share,
-    within,
-)
 from papers.framework import Step, Study, Work
 from papers.paper1_rul_varying_speed.methods.metrics import phm2012_accuracy
 from twingap.prognosis.life_law import law_of, log_normal
@@ -33,15 +20,16 @@ CONDITIONS = {"1": (1800.0, 4000.0), "2": (1650.0, 4200.0), "3": (1500.0, 5000.0
 """Speed, rpm, and load, N, by the first digit of a bearing's name."""
 
 
-def scored(run: Run, cuts: list[int], value: dict[str, Any], band: tuple[float, float]) -> dict[str, Any]:
+def scored(run: jobs.Run, cuts: list[int], value: dict[str, Any], band: tuple[float, float]) -> dict[str, Any]:
     """Scores of one prediction over the cuts of a run: as predicted, at the best point, with the band of cuts known."""
     law, point = np.asarray(value["quantiles"], float), np.asarray(value["point"], float)
     lived = np.array(cuts) * run.life / run.last
     left = run.life - lived
-    best = np.array([best_point(lives) for lives in law])
-    told = np.array([best_point(within(lives, u, band)) for lives, u in zip(law, lived, strict=True)])
+    best = np.array([jobs.best_point(lives) for lives in law])
+    inside = [jobs.within(lives, u, band) for lives, u in zip(law, lived, strict=True)]
+    told = np.array([jobs.best_point(lives) for lives in inside])
     each, found = phm2012_accuracy(left, point), {}
-    for what, laws in (("", list(law)), ("_band_known", [within(q, u, band) for q, u in zip(law, lived, strict=True)])):
+    for what, laws in (("", list(law)), ("_band_known", inside)):
         ends = np.array([np.quantile(q, (0.05, 0.95)) for q in laws])
         sure = not (law[:, -1] > law[:, 0]).any()
         found[f"covered{what}"] = np.nan if sure else np.mean((ends[:, 0] <= left) & (left <= ends[:, 1]))
@@ -61,7 +49,7 @@ def by_bearing(work: Work) -> pd.DataFrame:
         for r in work["predict"]
     ]  # fmt: skip
     every = pd.DataFrame(rows)
-    every["method"] = pd.Categorical(every["method"], METHODS)
+    every["method"] = pd.Categorical(every["method"], jobs.METHODS)
     return every.groupby(["method", "bearing", "indicator"], observed=True, as_index=False).mean()
 
 
@@ -100,7 +88,7 @@ def bounds(work: Work) -> pd.DataFrame:
             for u in lived[name]:
                 said = life * np.exp(std * rng.normal())
                 drawn = said * np.exp(std * rng.normal(size=200))
-                found.append(best_point(within(drawn - u, u, work.options.band)))
+                found.append(jobs.best_point(jobs.within(drawn - u, u, work.options.band)))
             return np.array(found)
 
         rows.append({"prediction": f"life known to {100 * std:g} %, band of cuts known", "score": mean(known)})
@@ -119,7 +107,7 @@ def indicators(work: Work) -> pd.DataFrame:
     low, high = work.options.band
     rows = []
     for (name, indicator), value in work["grown"].items():
-        series = work["runs"][name].indicators[:, INDICATORS.index(indicator)]
+        series = work["runs"][name].indicators[:, jobs.INDICATORS.index(indicator)]
         part = np.log(series[int(low * len(series)) : int(high * len(series))])
         smooth = pd.Series(part).rolling(10).median().dropna().to_numpy()
         alarm = None if value["alarm"] is None else value["alarm"] / (len(series) - 1)
@@ -149,16 +137,16 @@ def lives(work: Work) -> pd.DataFrame:
     rows = []
     for protocol, name, cuts, others in asked:
         life, load_n = every[name]
-        for method in (LIVES, UNLOADED, CONSTANT, SHARE):
-            exponent = LOAD_EXPONENT if method == LIVES else 0.0
+        for method in (jobs.LIVES, jobs.UNLOADED, jobs.CONSTANT, jobs.SHARE):
+            exponent = LOAD_EXPONENT if method == jobs.LIVES else 0.0
             ended = [other * (own_n / load_n) ** exponent for other, own_n in others.values()]
-            law = (log_normal if method == CONSTANT else law_of)(ended)
+            law = (log_normal if method == jobs.CONSTANT else law_of)(ended)
             for cut in cuts:
                 lived, left = cut * life, (1 - cut) * life
-                values = np.array(law.remaining(lived, SHARES))
-                if method == SHARE:
-                    values = np.full(len(SHARES), lived * best_share([(1 - at) / at for at in twelve]))
-                said = [np.median(values), best_point(values), best_point(within(values, lived, band))]
+                values = np.array(law.remaining(lived, jobs.SHARES))
+                if method == jobs.SHARE:
+                    values = np.full(len(jobs.SHARES), lived * jobs.best_share([(1 - at) / at for at in twelve]))
+                said = [np.median(values), jobs.best_point(values), jobs.best_point(jobs.within(values, lived, band))]
                 low, high = np.quantile(values, (0.05, 0.95))
                 rows.append(
                     {"protocol": protocol, "method": method, "bearing": name, "covered": low <= left <= high,

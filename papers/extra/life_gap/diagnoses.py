@@ -21,10 +21,9 @@ from papers.extra.femto import jobs as femto
 from papers.paper1_rul_varying_speed.cases import Case, Target, load_target, read_case
 from papers.paper1_rul_varying_speed.lives.options import Options, read_options
 from papers.paper1_rul_varying_speed.methods.simulated_lives import LifeSimulator, SignalModel, Snapshots
+from twingap import Condition, Record, RecordSet, TwingapError
 from twingap.data import NotAtHandError, load
-from twingap.errors import TwingapError
 from twingap.prognosis.online import OnlineLife
-from twingap.records import Condition, Record, RecordSet
 from twingap.twins.twin_file import TwinSpec
 
 HEALTHY, SEEN, LATER = "healthy", "anomaly to now", "after now"

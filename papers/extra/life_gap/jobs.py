@@ -24,8 +24,7 @@ from papers.paper1_rul_varying_speed.job import Added, Job, job_of, train_and_ju
 from papers.paper1_rul_varying_speed.lives.options import Options as Lives
 from papers.paper1_rul_varying_speed.lives.options import read_options
 from papers.paper1_rul_varying_speed.methods.architecture import architecture_of
-from twingap.data import load
-from twingap.data.root import NotAtHandError, data_root
+from twingap.data import NotAtHandError, data_root, load
 from twingap.gap.knowledge import shipped_digest
 from twingap.provenance import digest_of_path
 

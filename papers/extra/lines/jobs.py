@@ -21,12 +21,9 @@ import pandas as pd
 
 from papers.arrays import Array
 from papers.paper2_digital_twin.availability.records import RATE_HZ, TITLES
+from twingap import Bearing, RecordSet, TwingapError
 from twingap import data as datasets
-from twingap.bearing import Bearing
-from twingap.errors import TwingapError
-from twingap.records import RecordSet
-from twingap.signal.envelope import lines_at, squared_envelope_spectrum
-from twingap.signal.spectrum import Spectrum
+from twingap.signal import Spectrum, lines_at, squared_envelope_spectrum
 
 if TYPE_CHECKING:
     from papers.framework import Work

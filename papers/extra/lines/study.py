@@ -8,7 +8,6 @@ import numpy as np
 import pandas as pd
 
 from papers.extra.lines import jobs
-from papers.extra.lines.jobs import HEALTHY
 from papers.framework import Step, Study, Work
 
 ANY: Final = "at least one"
@@ -25,9 +24,11 @@ def told(rows: pd.DataFrame) -> pd.DataFrame:
     references (one without healthy recordings adds nothing to ``above healthy``); it stands where there are several.
     """
     parts = []
-    for (data, sensor, fault), own in rows[rows["class"] != HEALTHY].groupby(["data", "sensor", "class"], sort=False):
+    for (data, sensor, fault), own in rows[rows["class"] != jobs.HEALTHY].groupby(
+        ["data", "sensor", "class"], sort=False
+    ):
         others = rows[(rows["data"] == data) & (rows["sensor"] == sensor) & (rows["class"] != fault)]
-        healthy, line = others[others["class"] == HEALTHY][fault].max(), own[fault]
+        healthy, line = others[others["class"] == jobs.HEALTHY][fault].max(), own[fault]
         parts.append(pd.DataFrame({
             "data": data, "sensor": sensor, "class": fault, "recording": own["recording"], "line": line,
             "healthy": healthy, "without": others[fault].max(),

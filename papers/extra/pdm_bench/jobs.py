@@ -22,16 +22,13 @@ from numpy.typing import NDArray
 from papers.arrays import Array
 from papers.extra.baselines.jobs import PLAIN, SETTINGS, chosen, scores
 from papers.options import expect
+from twingap import Condition, RecordSet, TwingapError
 from twingap import data as datasets
-from twingap.adapt import CRITERIA, Windows
-from twingap.adapt.fleets import Fleets
+from twingap.adapt import CRITERIA, Fleets, Population, Windows
 from twingap.adapt.order_features import names, order_features
 from twingap.adapt.order_forest import MOST_MEMBERS, examples
-from twingap.adapt.population import Population
 from twingap.bearing import FAULTS, Bearing
-from twingap.errors import TwingapError
 from twingap.provenance import digest_of_path, digest_of_value
-from twingap.records import Condition, RecordSet
 from twingap.signal.features import time_features
 from twingap.twins.twin_file import TwinSpec
 

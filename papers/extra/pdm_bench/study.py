@@ -7,7 +7,6 @@ from importlib.util import find_spec
 import pandas as pd
 
 from papers.extra.pdm_bench import jobs
-from papers.extra.pdm_bench.jobs import TITLES
 from papers.framework import Step, Study, Work
 
 MEASURES = ["accuracy", "oracle", "macro_f1", "auroc", "recordings"]
@@ -35,7 +34,7 @@ def scenarios(work: Work) -> pd.DataFrame:
         train, judge, _ = work["rows"][own.name]
         teach, judged = own.scenario.published
         out.append({
-            "scenario": own.name, "data": TITLES[own.records.name], "classes": ", ".join(own.classes),
+            "scenario": own.name, "data": jobs.TITLES[own.records.name], "classes": ", ".join(own.classes),
             "teach": len(own.train), "of published": teach, "windows that teach": len(train["label"]),
             "judged": len(own.judge), "of published judged": judged, "windows judged": len(judge["label"]),
             "largest class": pd.Series(judge["label"]).value_counts(normalize=True).max(),

@@ -7,7 +7,6 @@ from collections.abc import Sequence
 import pandas as pd
 
 from papers.extra.quantities import jobs
-from papers.extra.quantities.jobs import QUANTITIES
 from papers.framework import Step, Study, Work
 from papers.paper3_zoa_dann.comparison.jobs import Options, check, load_tasks
 from papers.paper3_zoa_dann.comparison.trial import Trial
@@ -36,9 +35,9 @@ def table(found: Sequence[tuple[str, Result[Trial]]]) -> pd.DataFrame:
 def means(rows: pd.DataFrame) -> pd.DataFrame:
     """Mean over tasks and seeds; gain over the paper's quantity by pairs of task and seed, with sign-flip p."""
     out = []
-    pair = ["task", "seed"]
+    pair, plain = ["task", "seed"], jobs.QUANTITIES[0]
     for (data, method), own in rows.groupby(["data", "method"], sort=False):
-        first = own[own["quantity"] == QUANTITIES[0]].set_index(pair)["accuracy"]
+        first = own[own["quantity"] == plain].set_index(pair)["accuracy"]
         for quantity, of in own.groupby("quantity", sort=False):
             gain, found = paired(of.set_index(pair)["accuracy"], first)
             over = {"gain": gain.mean(), "pairs_won": found["won"], "pairs": len(gain), "p": found["p"]}
@@ -46,7 +45,7 @@ def means(rows: pd.DataFrame) -> pd.DataFrame:
                 "data": data, "method": method, "quantity": quantity, "accuracy": of["accuracy"].mean(),
                 "std": of["accuracy"].std(), "oracle": of["oracle"].mean(),
                 "source_accuracy": of["source_accuracy"].mean(),
-                **(over if quantity != QUANTITIES[0] else dict.fromkeys(over, float("nan")) | {"pairs": len(gain)}),
+                **(dict.fromkeys(over, float("nan")) | {"pairs": len(gain)} if quantity == plain else over),
             })  # fmt: skip
     return pd.DataFrame(out)
 

@@ -12,8 +12,7 @@ from papers.arrays import Array
 from papers.extra.rig_lives import jobs
 from papers.framework import Step, Study, Work
 from papers.paper1_rul_varying_speed.methods import metrics
-from twingap.prognosis.estimate import Estimate, LifeOptions
-from twingap.prognosis.online import OnlineLife
+from twingap.prognosis import Estimate, LifeOptions, OnlineLife
 from twingap.prognosis.outcomes import Outcome, outcome_of, prior_from
 from twingap.prognosis.prior import LEARNT, Prior
 from twingap.rigs.smart_maintenance import END_OF_LIFE_G, RUNS, TITLE

@@ -24,10 +24,9 @@ from papers.paper2_digital_twin.availability.jobs import Options as Common
 from papers.paper2_digital_twin.availability.records import Measured, measure
 from papers.paper2_digital_twin.availability.source import BASELINE_PIECES, Image, pooled_images
 from papers.paper2_digital_twin.methods.scalograms import ImageOptions, modulation, pieces_of
-from twingap.bearing import Bearing
+from twingap import Bearing, Condition
 from twingap.effects import Effect, make_effect
 from twingap.provenance import digest_of_value
-from twingap.records import Condition
 from twingap.twins.contact import ContactTwin
 from twingap.twins.contact_parameters import PRESETS
 

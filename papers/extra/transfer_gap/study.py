@@ -8,7 +8,6 @@ import numpy as np
 import pandas as pd
 
 from papers.extra.transfer_gap import jobs
-from papers.extra.transfer_gap.jobs import KINDS
 from papers.framework import Step, Study, Work
 from papers.paper2_digital_twin.availability.jobs import NetworkJob, load_sets, network
 from papers.paper2_digital_twin.availability.records import SPLITS, TITLES, Measured
@@ -45,7 +44,7 @@ def means(rows: pd.DataFrame) -> pd.DataFrame:
     for (data, split), part in rows.groupby(["data", "split by"], sort=False):
         wide = part.pivot(index="seed", columns="twin", values="accuracy")
         gain = (wide["gap closed"] - wide["as printed"]).to_numpy(float)
-        for kind in KINDS:
+        for kind in jobs.KINDS:
             own = part[part["twin"] == kind]
             found.append({
                 "data": data, "split by": split, "twin": kind, "seeds": len(own),

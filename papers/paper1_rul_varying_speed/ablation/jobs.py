@@ -32,7 +32,7 @@ from papers.paper1_rul_varying_speed.lives.options import read_options
 from papers.paper1_rul_varying_speed.methods.adaptive_twin import Adaptation, NoLifeError, lives_that_may_follow
 from papers.paper1_rul_varying_speed.methods.architecture import MODELS, LifeArchitecture, architecture_of
 from papers.paper1_rul_varying_speed.methods.metrics import rmse
-from twingap.errors import TwingapError
+from twingap import TwingapError
 
 if TYPE_CHECKING:
     from papers.framework import Work

@@ -9,7 +9,6 @@ import pandas as pd
 
 from papers.framework import Step, Study, Work
 from papers.paper1_rul_varying_speed.ablation import jobs
-from papers.paper1_rul_varying_speed.ablation.jobs import DANN
 from twingap.adapt.evaluate import t_interval
 
 
@@ -35,7 +34,7 @@ def tables_of(rows: Sequence[dict[str, Any]]) -> dict[str, pd.DataFrame]:
             model: part.pivot(index="bearing", columns="seed", values="rmse_min")
             for model, part in own.groupby("model", sort=False)
         }
-        dann = errors[DANN]
+        dann = errors[jobs.DANN]
         for model, part in errors.items():
             ratios = (part.mean() / dann.mean()).to_numpy()
             low, high = t_interval(list(ratios), 0.9)

@@ -12,7 +12,7 @@ from papers.paper1_rul_varying_speed.methods.adaptive_twin import Adaptation
 from papers.paper1_rul_varying_speed.methods.architecture import MODELS
 from papers.paper1_rul_varying_speed.methods.simulated_lives import SignalModel
 from papers.paper1_rul_varying_speed.methods.training import CRITERIA, LifeTraining
-from twingap.errors import TwingapError
+from twingap import TwingapError
 
 CONFIG: Final = Path(__file__).with_name("config.toml")
 

@@ -19,11 +19,10 @@ import numpy as np
 from papers.arrays import Array
 from papers.paper1_rul_varying_speed.methods.degradation import DamageFit, Trajectory, fit_damage, trajectories
 from papers.paper1_rul_varying_speed.methods.run import Run, period_rows, planned_speed
-from twingap.errors import TwingapError
+from twingap import RecordSet, TwingapError
 from twingap.identification import HealthyFit, equation_8, spectra
 from twingap.prognosis.anomaly import Anomaly, AnomalyRule, detect_anomaly
 from twingap.prognosis.speed_influence import SpeedInfluence, fit_speed_influence, normalised_peak_to_peak
-from twingap.records import RecordSet
 
 
 class NoLifeError(TwingapError):

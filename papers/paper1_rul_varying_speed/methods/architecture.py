@@ -17,8 +17,7 @@ from types import MappingProxyType
 from typing import Final
 
 from papers.paper1_rul_varying_speed.methods.encoding import D_MODEL
-from twingap.bearing import Bearing
-from twingap.errors import TwingapError
+from twingap import Bearing, TwingapError
 
 LENGTH = 25000
 """Samples of a record (table 4)."""

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 
 from papers.arrays import Array
 from papers.paper1_rul_varying_speed.methods.remaining_life import remaining_revolutions
-from twingap.errors import TwingapError
+from twingap import TwingapError
 from twingap.prognosis.speed_influence import SpeedInfluence
 
 LARGEST_EXPONENT = 50.0

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from papers.arrays import Array
-from twingap.errors import TwingapError
+from twingap import TwingapError
 
 D_MODEL = 24
 """Length of each encoding (table 4)."""

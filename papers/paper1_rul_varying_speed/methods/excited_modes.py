@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from scipy.signal import find_peaks, welch
 
 from papers.arrays import Array
+from twingap import TwingapError
 from twingap.effects import Mode
-from twingap.errors import TwingapError
 
 Samples = NDArray[np.float32]
 

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from papers.arrays import Array
-from twingap.errors import TwingapError
+from twingap import TwingapError
 
 
 class Coverage(NamedTuple):

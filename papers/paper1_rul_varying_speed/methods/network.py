@@ -14,8 +14,8 @@ import torch
 from torch import Tensor, nn
 
 from papers.paper1_rul_varying_speed.methods.architecture import LifeArchitecture
+from twingap import TwingapError
 from twingap.adapt.dann import reverse_gradient
-from twingap.errors import TwingapError
 
 
 class LifeNetwork(nn.Module):

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from papers.arrays import Array
-from twingap.errors import TwingapError
+from twingap import TwingapError
 
 
 def remaining_revolutions(speed_rpm: ArrayLike, dt_s: float) -> Array:

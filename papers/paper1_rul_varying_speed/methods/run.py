@@ -11,9 +11,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from papers.arrays import Array
-from twingap.errors import TwingapError
+from twingap import RecordSet, TwingapError
 from twingap.prognosis.speed_influence import SAME_SPEED
-from twingap.records import RecordSet
 
 ALIKE = 0.9
 """Share of rows that must agree with those a period earlier: abrupt changes of a test stand are the rest."""

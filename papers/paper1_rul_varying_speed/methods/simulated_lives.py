@@ -22,10 +22,8 @@ from papers.arrays import Array
 from papers.paper1_rul_varying_speed.methods.adaptive_twin import AdaptiveTwin
 from papers.paper1_rul_varying_speed.methods.degradation import Trajectory
 from papers.paper1_rul_varying_speed.methods.excited_modes import excited_modes
-from twingap.bearing import Bearing
+from twingap import Bearing, Condition, RecordSet, TwingapError
 from twingap.effects import Draft, Effect, ImpactScatter, LoadZone, Mode, SlipJitter, Stage
-from twingap.errors import TwingapError
-from twingap.records import Condition, RecordSet
 from twingap.twins.phenomenological import PhenomenologicalParameters, PhenomenologicalTwin
 
 Samples = NDArray[np.float32]

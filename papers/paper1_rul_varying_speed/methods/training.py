@@ -27,9 +27,8 @@ from papers.paper1_rul_varying_speed.methods.architecture import LifeArchitectur
 from papers.paper1_rul_varying_speed.methods.encoding import positional_encoding, speed_position
 from papers.paper1_rul_varying_speed.methods.network import LifeNetwork
 from papers.paper1_rul_varying_speed.methods.simulated_lives import Snapshots
-from twingap.adapt.nets import best_device
-from twingap.adapt.training import reproducible
-from twingap.errors import TwingapError
+from twingap import TwingapError
+from twingap.adapt import best_device, reproducible
 
 State = dict[str, Tensor]
 SIMULATED, REAL = 0.0, 1.0

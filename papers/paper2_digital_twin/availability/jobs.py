@@ -49,11 +49,9 @@ from papers.paper2_digital_twin.methods.inception import InceptionTraining, evid
 from papers.paper2_digital_twin.methods.residual_head import HeadOptions, fit_residual_head
 from papers.paper2_digital_twin.methods.scalograms import ImageOptions, Images, Modulation, images, pieces_of
 from papers.paper2_digital_twin.methods.severity import MapOptions, fit_class_maps, healthy_map
-from twingap.adapt.selection import CRITERIA, Evidence, select
-from twingap.adapt.training import Outputs
-from twingap.errors import TwingapError
+from twingap import RecordSet, TwingapError
+from twingap.adapt import CRITERIA, Evidence, Outputs, select
 from twingap.provenance import digest_of_value
-from twingap.records import RecordSet
 
 if TYPE_CHECKING:
     from papers.framework import Inputs, Work

@@ -22,11 +22,8 @@ from papers.arrays import Array
 from papers.paper2_digital_twin.availability.source import Background
 from papers.paper2_digital_twin.methods.condition_features import line_features, window_features
 from papers.paper2_digital_twin.methods.scalograms import ImageOptions, Modulation, modulation, pieces_of
-from twingap import data
-from twingap.bearing import BEARINGS, Bearing
+from twingap import BEARINGS, Bearing, RecordSet, TwingapError, data
 from twingap.data import NotAtHandError
-from twingap.errors import TwingapError
-from twingap.records import RecordSet
 
 RIG: Final = "virtual_cwru"
 SHORTEST: Final = 4

@@ -23,9 +23,8 @@ from numpy.typing import NDArray
 
 from papers.arrays import Array
 from papers.paper2_digital_twin.methods.scalograms import ImageOptions, Modulation, images, modulation, pieces_of
-from twingap.bearing import Bearing
+from twingap import Bearing, Condition
 from twingap.effects import Effect, make_effect
-from twingap.records import Condition
 from twingap.twins.phenomenological import PhenomenologicalParameters, PhenomenologicalTwin
 
 Image = NDArray[np.float32]

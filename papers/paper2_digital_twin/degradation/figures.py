@@ -18,9 +18,8 @@ from papers.figures import grid, subplots
 from papers.framework import Work
 from papers.paper2_digital_twin.degradation.candidates import Judged
 from papers.paper2_digital_twin.degradation.tables import COMBINED, EXPONENTIALS, shown
+from twingap.prognosis import MODELS, offline_indicators
 from twingap.prognosis.degradation_figure import LINES
-from twingap.prognosis.degradation_models import MODELS
-from twingap.prognosis.health_indicator import offline_indicators
 from twingap.prognosis.indicator_criteria import causal_trend
 
 RECORDS, TREND, MARK = "#AAAAAA", "#0072B2", "#D55E00"

@@ -22,7 +22,7 @@ from papers.arrays import Array
 from papers.paper2_digital_twin.degradation import candidates
 from papers.paper2_digital_twin.degradation.candidates import INDICATORS, Judged
 from papers.paper2_digital_twin.degradation.runs import Reading, StudyRun, study_runs
-from twingap.errors import TwingapError
+from twingap import TwingapError
 from twingap.prognosis.degradation_forecast import TENTHS, out_of_sample, redrawn, remaining_life, rows_until
 from twingap.prognosis.degradation_models import MODELS, CurveModel, fit_curve
 from twingap.prognosis.information import criteria

@@ -18,14 +18,10 @@ import numpy as np
 import pandas as pd
 
 from papers.arrays import Array
-from twingap import data
-from twingap.bearing import BEARINGS
+from twingap import BEARINGS, Condition, RecordSet, TwingapError, data
 from twingap.data.ims import ims_features
-from twingap.errors import TwingapError
 from twingap.prognosis.health_indicator import Run, features_of, running
-from twingap.records import Condition, RecordSet
-from twingap.signal.features import PAPER2_FEATURES
-from twingap.signal.kurtosis import spectral_kurtosis
+from twingap.signal import PAPER2_FEATURES, spectral_kurtosis
 from twingap.twins.phenomenological import PhenomenologicalParameters, PhenomenologicalTwin, paper1_chain
 
 Swept = Callable[[Callable[..., Any], Sequence[Any], Any], Sequence[Any]]

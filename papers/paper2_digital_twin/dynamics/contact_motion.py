@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from papers.arrays import Array
-from twingap.errors import TwingapError
+from twingap import TwingapError
 from twingap.twins.contact_dynamics import Job, low_pass
 
 

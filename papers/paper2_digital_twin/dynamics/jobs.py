@@ -23,8 +23,7 @@ from papers.arrays import Array
 from papers.options import expect
 from papers.paper2_digital_twin.dynamics import reference
 from papers.paper2_digital_twin.dynamics.contact_motion import motion_of
-from twingap.bearing import BEARINGS
-from twingap.records import Condition
+from twingap import BEARINGS, Condition
 from twingap.signal import squared_envelope_spectrum
 from twingap.twins.contact import ContactTwin
 from twingap.twins.contact_dynamics import Job

@@ -15,8 +15,7 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import root
 
 from papers.arrays import Array
-from twingap.bearing import Bearing
-from twingap.errors import TwingapError
+from twingap import Bearing, TwingapError
 from twingap.twins.contact_parameters import ContactParameters
 
 

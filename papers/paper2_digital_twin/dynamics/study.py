@@ -11,7 +11,6 @@ import pandas as pd
 
 from papers.framework import Step, Study, Work
 from papers.paper2_digital_twin.dynamics import figures, jobs
-from papers.paper2_digital_twin.dynamics.jobs import Case
 from twingap.sweep import Result
 
 
@@ -20,7 +19,7 @@ def all_tables(work: Work) -> dict[str, pd.DataFrame]:
     return {name: table.assign(data="simulated by the contact twin") for name, table in found.items()}
 
 
-def balance(healthy: Sequence[Result[Case]]) -> pd.DataFrame:
+def balance(healthy: Sequence[Result[jobs.Case]]) -> pd.DataFrame:
     """Where each normal bearing settles against the static Hertz solution, and the rest of the checks.
 
     ``settled s`` is the time from which the ring stays within the stated part of the static displacement. It is empty
@@ -42,7 +41,7 @@ def balance(healthy: Sequence[Result[Case]]) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def faults(faulty: Sequence[Result[Case]]) -> pd.DataFrame:
+def faults(faulty: Sequence[Result[jobs.Case]]) -> pd.DataFrame:
     """Orders found in squared envelope spectra; ``on time`` is the nearest line within the spectrum's resolution."""
     rows = []
     for r in faulty:

@@ -21,7 +21,7 @@ import numpy as np
 
 from papers.options import expect
 from papers.paper2_digital_twin.live_twin import LiveOptions, LiveTwin, Message, OrderOptions, Snapshot, StateMessage
-from twingap.bearing import BEARINGS
+from twingap import BEARINGS
 from twingap.rigs.drifting import Drifting, arrivals
 from twingap.twins.contact_parameters import PRESETS
 

@@ -16,7 +16,6 @@ import pandas as pd
 from papers.arrays import Array
 from papers.framework import Step, Study, Work
 from papers.paper2_digital_twin.live import figures, jobs
-from papers.paper2_digital_twin.live.jobs import Options, Scenario
 from papers.paper2_digital_twin.live_twin.twin import WATCHED
 from twingap.rigs.drifting import COOLED, WEARS
 from twingap.sweep import Result
@@ -56,7 +55,7 @@ def phase_of(time_s: Array, hours: float) -> list[str]:
     return [str(w) for w in words]
 
 
-def by_phase(result: Result[Scenario], arm: str, what: str = "error") -> dict[str, float]:
+def by_phase(result: Result[jobs.Scenario], arm: str, what: str = "error") -> dict[str, float]:
     """Mean error of one machine's twin in each phase, commissioning left out."""
     value = result.value["arms"][arm]
     skip = int(value["commissioning"])
@@ -68,7 +67,7 @@ def by_phase(result: Result[Scenario], arm: str, what: str = "error") -> dict[st
     return out
 
 
-def errors(drifting: Sequence[Result[Scenario]]) -> pd.DataFrame:
+def errors(drifting: Sequence[Result[jobs.Scenario]]) -> pd.DataFrame:
     """Relative error of the predicted amplitude spectrum by arm and phase, over machines.
 
     ``shape`` is what is left when the prediction may be scaled as a whole. ``chance`` is what a perfect twin would
@@ -89,7 +88,7 @@ def errors(drifting: Sequence[Result[Scenario]]) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def targets(options: Options, drifting: Sequence[Result[Scenario]]) -> pd.DataFrame:
+def targets(options: jobs.Options, drifting: Sequence[Result[jobs.Scenario]]) -> pd.DataFrame:
     """What was promised, and what each came to: the worst machine decides."""
     rows = []
     for phase in (DRIFT, WHOLE):
@@ -112,7 +111,7 @@ def targets(options: Options, drifting: Sequence[Result[Scenario]]) -> pd.DataFr
     return pd.DataFrame(rows)
 
 
-def false_alarms(options: Options, steady: Sequence[Result[Scenario]]) -> pd.DataFrame:
+def false_alarms(options: jobs.Options, steady: Sequence[Result[jobs.Scenario]]) -> pd.DataFrame:
     """Alarms of twins whose machine does not drift, against the stated rate; 95 % interval of a Poisson count.
 
     Every alarm counts, also one that changed nothing.
@@ -134,7 +133,7 @@ def false_alarms(options: Options, steady: Sequence[Result[Scenario]]) -> pd.Dat
     }])  # fmt: skip
 
 
-def messages(drifting: Sequence[Result[Scenario]]) -> pd.DataFrame:
+def messages(drifting: Sequence[Result[jobs.Scenario]]) -> pd.DataFrame:
     """What became of the messages, summed over machines."""
     total: Counter[tuple[str, str]] = Counter()
     for r in drifting:
@@ -143,7 +142,7 @@ def messages(drifting: Sequence[Result[Scenario]]) -> pd.DataFrame:
     return pd.DataFrame([{"message": k, "case": c, "count": n} for (k, c), n in sorted(total.items())])
 
 
-def cost(drifting: Sequence[Result[Scenario]]) -> pd.DataFrame:
+def cost(drifting: Sequence[Result[jobs.Scenario]]) -> pd.DataFrame:
     """CPU time that updates took where they were run, by kind: it differs from run to run."""
     rows: list[dict[str, Any]] = []
     for kind in (LAW, "commissioning", "drift", "following", "kept"):
@@ -156,7 +155,7 @@ def cost(drifting: Sequence[Result[Scenario]]) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def _spent(result: Result[Scenario]) -> list[tuple[float, str]]:
+def _spent(result: Result[jobs.Scenario]) -> list[tuple[float, str]]:
     """CPU seconds and kind of every update of the live twin."""
     found = result.value["arms"]["live"]["updates"]
     return list(zip(found.get("seconds", []), found.get("kind", []), strict=True))

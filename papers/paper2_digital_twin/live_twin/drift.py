@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike
 from scipy.optimize import brentq
 from scipy.special import ndtr
 
-from twingap.errors import TwingapError
+from twingap import TwingapError
 
 CELLS: Final = 80
 """States of the Markov chain: run lengths to about one percent."""

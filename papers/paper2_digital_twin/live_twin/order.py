@@ -25,7 +25,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from papers.paper2_digital_twin.live_twin.messages import Message, StateMessage, kind_of
-from twingap.errors import TwingapError
+from twingap import TwingapError
 
 CASES = (
     "accepted", "out of order", "repeated", "late", "missing", "unusable", "from the future", "overflowed",

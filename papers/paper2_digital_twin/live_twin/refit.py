@@ -17,7 +17,7 @@ import numpy as np
 
 from papers.arrays import Array
 from papers.paper2_digital_twin.live_twin.spectrum import Band, MachineState, Prediction, SpectrumModel
-from twingap.errors import TwingapError
+from twingap import TwingapError
 
 BIN_CORRELATION: Final = 1.94
 """1 + 2 (4/9 + 1/36): by how much Hann's neighbouring bins, being correlated, raise the variance of a sum over bins."""

@@ -23,11 +23,9 @@ from scipy.signal import welch
 
 from papers.arrays import Array
 from papers.paper2_digital_twin.live_twin.laws import Laws
-from twingap.bearing import Bearing
+from twingap import Bearing, Condition, TwingapError
 from twingap.effects import Mode
 from twingap.effects.modes import response_rms
-from twingap.errors import TwingapError
-from twingap.records import Condition
 from twingap.twins.contact import ContactTwin
 from twingap.twins.contact_dynamics import Job, accelerations
 from twingap.twins.contact_parameters import DEFECTS, ContactParameters

@@ -32,8 +32,7 @@ from papers.paper2_digital_twin.live_twin.messages import Message, Snapshot, Sta
 from papers.paper2_digital_twin.live_twin.order import OrderOptions, Reorder
 from papers.paper2_digital_twin.live_twin.refit import Fit, deviation, refit, relative_error
 from papers.paper2_digital_twin.live_twin.spectrum import FREE, Band, MachineState, Prediction, SpectrumModel
-from twingap.bearing import Bearing
-from twingap.errors import TwingapError
+from twingap import Bearing, TwingapError
 from twingap.twins.contact_parameters import ContactParameters
 
 WATCHED = FREE[:3]

@@ -24,7 +24,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
-from twingap.errors import TwingapError
+from twingap import TwingapError
 
 Approach = Literal["twin network", "corrected network", "SVM", "SOM-MQE"]
 

@@ -15,7 +15,7 @@ from scipy import fft
 
 from papers.arrays import Array
 from papers.paper2_digital_twin.methods.scalograms import ImageOptions, Modulation
-from twingap.bearing import Bearing
+from twingap import Bearing
 from twingap.signal.features import time_features
 
 BANDS: Final = 8

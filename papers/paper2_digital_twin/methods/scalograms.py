@@ -27,7 +27,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy import fft, ndimage
 
 from papers.arrays import Array
-from twingap.errors import TwingapError
+from twingap import TwingapError
 from twingap.signal._input import as_signals, positive
 
 Images = NDArray[np.float32]

@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from papers.arrays import Array
-from twingap.errors import TwingapError
+from twingap import TwingapError
 
 
 @dataclass(frozen=True)

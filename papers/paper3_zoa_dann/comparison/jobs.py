@@ -29,9 +29,9 @@ from papers.paper3_zoa_dann.inputs.options import read_options as read_common
 from papers.paper3_zoa_dann.job import Identification, identified
 from papers.paper3_zoa_dann.source import FREE, Recipe
 from papers.paper3_zoa_dann.tasks import Target
+from twingap import TwingapError
 from twingap.adapt import ModeInputs, Training
 from twingap.effects import catalogue
-from twingap.errors import TwingapError
 from twingap.provenance import digest_of_path
 
 if TYPE_CHECKING:

@@ -21,13 +21,11 @@ from papers.options import expect
 from papers.paper3_zoa_dann.inputs.options import TargetOptions
 from papers.paper3_zoa_dann.job import Measured
 from papers.paper3_zoa_dann.tasks import Target, Task
-from twingap import data
+from twingap import Condition, RecordSet, TwingapError, data
 from twingap.adapt import Windows, cut, joined
 from twingap.bearing import FAULTS
 from twingap.config import build, read_toml
-from twingap.errors import TwingapError
 from twingap.provenance import digest_of_value
-from twingap.records import Condition, RecordSet
 from twingap.rigs import make_rig
 
 FOLDER: Final = Path(__file__).with_name("tasks")

@@ -24,12 +24,10 @@ from papers.paper3_zoa_dann.comparison.task_files import Material
 from papers.paper3_zoa_dann.job import spread
 from papers.paper3_zoa_dann.source import Recipe, simulate
 from papers.paper3_zoa_dann.yardsticks import analyst
+from twingap import Condition
 from twingap import adapt as adaptation
-from twingap.adapt import METHODS, Fitted, Judged, ModeInputs, Training, Windows, joined, judge
-from twingap.adapt.fleets import Fleets
+from twingap.adapt import METHODS, Fitted, Fleets, Judged, ModeInputs, Population, Training, Windows, joined, judge
 from twingap.adapt.order_forest import MOST_MEMBERS, Examples, OrderForest, examples, train_forest
-from twingap.adapt.population import Population
-from twingap.records import Condition
 from twingap.twins.twin_file import TwinSpec
 
 ANALYST: Final = "Analyst's rule"

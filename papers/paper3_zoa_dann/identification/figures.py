@@ -16,7 +16,7 @@ from papers.figures import LINE_NAMES, subplots
 from papers.framework import Work
 from papers.paper3_zoa_dann.identification.agreement import aligned
 from papers.paper3_zoa_dann.identification.jobs import WORDS
-from twingap.records import RecordSet
+from twingap import RecordSet
 from twingap.signal.envelope import squared_envelope_spectrum
 
 LINES: Final = {

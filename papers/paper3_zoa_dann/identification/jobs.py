@@ -23,19 +23,14 @@ import numpy as np
 from papers.arrays import Array
 from papers.options import expect
 from papers.paper3_zoa_dann.identification.agreement import agreement
-from twingap import data
-from twingap.bearing import BEARINGS
-from twingap.errors import TwingapError
-from twingap.identification import identify
+from twingap import BEARINGS, Condition, Record, RecordSet, TwingapError, data, identify
 from twingap.identification.contact import BOUNDS
 from twingap.identification.contact_bottom import NOTHING
 from twingap.identification.contact_objective import SpectrumObjective, states_of
 from twingap.identification.optimise import OPTIMISERS, Traced
-from twingap.records import Condition, Record, RecordSet
 from twingap.rigs import make_rig
-from twingap.twins.contact import ContactTwin
+from twingap.twins import ContactTwin, TwinSpec
 from twingap.twins.contact_parameters import PRESETS, ContactParameters
-from twingap.twins.twin_file import TwinSpec
 
 if TYPE_CHECKING:
     from papers.framework import Inputs, Work

@@ -14,7 +14,6 @@ import pandas as pd
 from papers.framework import Step, Study, Work
 from papers.paper3_zoa_dann.identification import figures, jobs
 from papers.paper3_zoa_dann.identification.agreement import METRICS
-from papers.paper3_zoa_dann.identification.jobs import Comparison, Options, Recovery, Search
 from twingap.sweep import Result
 
 READINGS = ("contact alone", "with noises")
@@ -35,7 +34,7 @@ def all_tables(work: Work) -> dict[str, pd.DataFrame]:
     return tables
 
 
-def convergence(searches: Sequence[Result[Search]]) -> pd.DataFrame:
+def convergence(searches: Sequence[Result[jobs.Search]]) -> pd.DataFrame:
     """Cost that each optimiser has reached when its evaluations are spent, over seeds, and how soon it came near.
 
     ``near`` is the median number of evaluations after which a run is within 1 % of the least cost that any run of any
@@ -62,7 +61,7 @@ def convergence(searches: Sequence[Result[Search]]) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def agreement(comparisons: Sequence[Result[Comparison]]) -> pd.DataFrame:
+def agreement(comparisons: Sequence[Result[jobs.Comparison]]) -> pd.DataFrame:
     """Metrics of each twin on the half of the recording that it was not fitted to."""
     rows: list[dict[str, Any]] = []
     for r in comparisons:
@@ -76,7 +75,7 @@ def agreement(comparisons: Sequence[Result[Comparison]]) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def drops(found: pd.DataFrame, options: Options) -> pd.DataFrame:
+def drops(found: pd.DataFrame, options: jobs.Options) -> pd.DataFrame:
     """By how many percent each metric falls from the setting's first twin to the others, mean and range over faults."""
     rows: list[dict[str, Any]] = []
     for (setting, reading), here in found.groupby(["setting", "reading"], sort=False):
@@ -97,7 +96,7 @@ def drops(found: pd.DataFrame, options: Options) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def recovery(recoveries: Sequence[Result[Recovery]], snr_db: float) -> pd.DataFrame:
+def recovery(recoveries: Sequence[Result[jobs.Recovery]], snr_db: float) -> pd.DataFrame:
     """How far identified parameters of simulated machines are off, and how often 90 % intervals hold them."""
     rows = []
     for fault in dict.fromkeys(r.job.fault for r in recoveries):

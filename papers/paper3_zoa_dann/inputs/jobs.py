@@ -30,9 +30,8 @@ from papers.paper3_zoa_dann.job import Identification, Job, Measured, identified
 from papers.paper3_zoa_dann.source import FREE, Recipe
 from papers.paper3_zoa_dann.tasks import Target, Task, load_target, make_tasks
 from papers.paper3_zoa_dann.yardsticks import analyst, majority
+from twingap import Bearing, TwingapError
 from twingap.adapt import Method, Scores, cut, score
-from twingap.bearing import Bearing
-from twingap.errors import TwingapError
 
 if TYPE_CHECKING:
     from papers.framework import Work

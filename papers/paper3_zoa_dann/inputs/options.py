@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import Final, Literal
 
 from papers.options import expect, read
+from twingap import TwingapError
 from twingap.adapt import CRITERIA, VIEWS, Training
 from twingap.effects import catalogue
-from twingap.errors import TwingapError
 
 CONFIG: Final = Path(__file__).with_name("config.toml")
 RANGES: Final = {
