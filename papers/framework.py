@@ -17,7 +17,7 @@ import inspect
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ParamSpec
 
 from papers.figures import style
 from papers.imports import digest_of_imports
@@ -33,6 +33,9 @@ if TYPE_CHECKING:
 
 Progress = Callable[[str, int, int], None]
 """Called with what is being done, how much of it is done, and how much there is."""
+P = ParamSpec("P")
+Rows = Iterator[dict[str, Any]]
+"""Rows of a table: column -> value."""
 Inputs = Mapping[str, tuple[Any, str | None]]
 """Name of an argument of a step's function -> its value, and its digest; None where results do not depend on it."""
 
@@ -232,6 +235,18 @@ class Work:
             yield f"{self.study.name}: no data at hand for {', '.join(self.missing)}, left out"
         if self.finished:
             yield f"{self.study.name}: {self.finished} jobs, {self.computed} of them run now"
+
+
+def as_table(rows: Callable[P, Rows]) -> Callable[P, pd.DataFrame]:
+    """Make a function that yields the rows of a table one that returns the table."""
+
+    @functools.wraps(rows)
+    def table(*given: P.args, **more: P.kwargs) -> pd.DataFrame:
+        import pandas as pd
+
+        return pd.DataFrame(list(rows(*given, **more)))
+
+    return table
 
 
 def rows_of(table: pd.DataFrame) -> list[dict[str, Any]]:

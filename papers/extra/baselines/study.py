@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from importlib.util import find_spec
-from typing import Any
 
 import pandas as pd
 
 from papers.extra.baselines import jobs
-from papers.framework import Step, Study, Work
+from papers.framework import Rows, Step, Study, Work, as_table
 from papers.paper3_zoa_dann.comparison.jobs import Options, check, load_tasks
 from papers.paper3_zoa_dann.significance import corrected, paired
 from twingap.sweep import Result
@@ -23,9 +22,9 @@ def all_tables(work: Work) -> dict[str, pd.DataFrame]:
     return {"baselines": rows, "baselines-mean": means(rows), "baselines-tests": tests(rows)}
 
 
-def table(found: Sequence[tuple[str, Result[jobs.Trial]]]) -> pd.DataFrame:
+@as_table
+def table(found: Sequence[tuple[str, Result[jobs.Trial]]]) -> Rows:
     """A row per trial and held-out unit: recordings (all windows), bearings (those of bearings not adapted to)."""
-    rows = []
     for data, own in found:
         job = own.job
         for method, value in own.value.items():
@@ -35,29 +34,26 @@ def table(found: Sequence[tuple[str, Result[jobs.Trial]]]) -> pd.DataFrame:
             parts |= {"bearings": value["unseen"]} if value["unseen"] else {}
             for held_out, values in parts.items():
                 measured = {name: values[name] for name in MEASURES}
-                rows.append(about | {"held_out": held_out} | measured | {"setting": value["setting"]})
-    return pd.DataFrame(rows)
+                yield about | {"held_out": held_out} | measured | {"setting": value["setting"]}
 
 
-def means(rows: pd.DataFrame) -> pd.DataFrame:
+@as_table
+def means(rows: pd.DataFrame) -> Rows:
     """Means over tasks and seeds, with the deviation over seeds of the mean over tasks."""
-    out: list[dict[str, Any]] = []
     for cell, own in rows.groupby(CELL, sort=False):
         spread = own.groupby("seed")["accuracy"].mean().std()
         measured = {name: own[name].mean() for name in MEASURES}
-        out.append({**dict(zip(CELL, cell, strict=True)), "trials": len(own), **measured, "accuracy_std": spread})
-    return pd.DataFrame(out)
+        yield {**dict(zip(CELL, cell, strict=True)), "trials": len(own), **measured, "accuracy_std": spread}
 
 
-def tests(rows: pd.DataFrame) -> pd.DataFrame:
+@as_table
+def tests(rows: pd.DataFrame) -> Rows:
     """Each method against none, by pairs of task and seed: sign flips, corrected by Holm within a source."""
-    out: list[dict[str, Any]] = []
     for (held_out, data, source), own in rows.groupby(["held_out", "data", "source"], sort=False):
         pairs = own.pivot_table(index=["task", "seed"], columns="method", values="accuracy", sort=False)
         about = {"held_out": held_out, "data": data, "source": source}
         methods = [name for name in pairs.columns if name != jobs.PLAIN]
-        out += corrected([about | {"method": name} | paired(pairs[name], pairs[jobs.PLAIN])[1] for name in methods])
-    return pd.DataFrame(out)
+        yield from corrected([about | {"method": name} | paired(pairs[name], pairs[jobs.PLAIN])[1] for name in methods])
 
 
 STUDY = Study(

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from papers.extra.femto import figures, jobs
-from papers.framework import Step, Study, Work
+from papers.framework import Rows, Step, Study, Work, as_table
 from papers.paper1_rul_varying_speed.methods import metrics
 from twingap.prognosis.outcomes import prior_from
 from twingap.prognosis.prior import LEARNT
@@ -77,7 +77,8 @@ def table(runs: dict[str, jobs.Measured], results: Sequence[tuple[jobs.Predictio
     return found.assign(seeds=grouped.size()["size"], rmse_std_s=grouped["rmse_s"].std(ddof=1)["rmse_s"])
 
 
-def wins(every: pd.DataFrame) -> pd.DataFrame:
+@as_table
+def wins(every: pd.DataFrame) -> Rows:
     """Bearings on which the estimator is at least as good as rivals, per metric.
 
     Against the best rival of each bearing, a yardstick that knows the end; against the one that is best on average,
@@ -86,7 +87,6 @@ def wins(every: pd.DataFrame) -> pd.DataFrame:
     higher = (
         "relative_accuracy", "alpha_lambda_half", "within_20", "horizon_s", "phm2012_after_alarm", "phm2012_at_cuts",
     )  # fmt: skip
-    rows = []
     plain = every.astype({"bearing": str, "method": str})
     for metric in ("rmse_s", *higher):
         values = plain.pivot(index="bearing", columns="method", values=metric)
@@ -100,11 +100,10 @@ def wins(every: pd.DataFrame) -> pd.DataFrame:
         for method in (jobs.POOLED, jobs.ALONE):
             for name, rival in against.items():
                 good = sign * values[method] >= sign * rival
-                rows.append(
-                    {"metric": metric, "method": method, "against": name, "bearings_won": int(good.sum()),
-                     "of": len(good), "which": " ".join(good.index[good])}
-                )  # fmt: skip
-    return pd.DataFrame(rows)
+                yield {
+                    "metric": metric, "method": method, "against": name, "bearings_won": int(good.sum()),
+                    "of": len(good), "which": " ".join(good.index[good]),
+                }  # fmt: skip
 
 
 def all_tables(work: Work) -> dict[str, pd.DataFrame]:

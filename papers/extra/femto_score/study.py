@@ -9,7 +9,7 @@ import pandas as pd
 
 from papers.extra.femto.jobs import at_hand, files
 from papers.extra.femto_score import jobs
-from papers.framework import Step, Study, Work
+from papers.framework import Rows, Step, Study, Work, as_table
 from papers.paper1_rul_varying_speed.methods.metrics import phm2012_accuracy
 from twingap.prognosis.life_law import law_of, log_normal
 from twingap.prognosis.outcomes import LOAD_EXPONENT
@@ -100,22 +100,22 @@ def bounds(work: Work) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def indicators(work: Work) -> pd.DataFrame:
+@as_table
+def indicators(work: Work) -> Rows:
     """Whether indicators rise before the end: rank correlation with life over the band of cuts, and the first alarm."""
     from scipy.stats import spearmanr
 
     low, high = work.options.band
-    rows = []
     for (name, indicator), value in work["grown"].items():
         series = work["runs"][name].indicators[:, jobs.INDICATORS.index(indicator)]
         part = np.log(series[int(low * len(series)) : int(high * len(series))])
         smooth = pd.Series(part).rolling(10).median().dropna().to_numpy()
         alarm = None if value["alarm"] is None else value["alarm"] / (len(series) - 1)
-        rows.append(
-            {"bearing": name, "indicator": indicator, "rank_correlation": spearmanr(smooth, np.arange(smooth.size))[0],
-             "rise": float(np.median(part[-len(part) // 10 :]) - np.median(part[: len(part) // 10])), "alarm_at": alarm}
-        )  # fmt: skip
-    return pd.DataFrame(rows)
+        yield {
+            "bearing": name, "indicator": indicator,
+            "rank_correlation": spearmanr(smooth, np.arange(smooth.size))[0],
+            "rise": float(np.median(part[-len(part) // 10 :]) - np.median(part[: len(part) // 10])), "alarm_at": alarm,
+        }  # fmt: skip
 
 
 def lives(work: Work) -> pd.DataFrame:

@@ -8,13 +8,14 @@ import numpy as np
 import pandas as pd
 
 from papers.extra.lines import jobs
-from papers.framework import Step, Study, Work
+from papers.framework import Rows, Step, Study, Work, as_table
 
 ANY: Final = "at least one"
 """In place of a sensor: counts of recordings of which something holds at one of their sensors or more."""
 
 
-def told(rows: pd.DataFrame) -> pd.DataFrame:
+@as_table
+def told(rows: pd.DataFrame) -> Rows:
     """By data set, sensor and class, from the rows of all recordings: how far the own line stands out, and out of what.
 
     ``healthy, highest`` and ``without the fault, highest`` are prominences of the class's line in recordings that lack
@@ -36,26 +37,24 @@ def told(rows: pd.DataFrame) -> pd.DataFrame:
             "over healthy": line > healthy, "over all": line > others[fault].max(), "first": own["highest"] == fault,
         }))  # fmt: skip
     judged = pd.concat(parts, ignore_index=True)
-    found = []
     for (data, sensor, fault), part in judged.groupby(["data", "sensor", "class"], sort=False):
-        found.append({
+        yield {
             "data": data, "sensor": sensor, "class": fault, "recordings": len(part),
             "own line, lowest": part["line"].min(), "own line, highest": part["line"].max(),
             "healthy, highest": part["healthy"].max(), "without the fault, highest": part["without"].max(),
             "above healthy": np.nan if part["healthy"].isna().all() else float(part["over healthy"].sum()),
             "above all without it": part["over all"].sum(), "above one without it": part["share"].mean(),
             "highest of its recording": part["first"].sum(),
-        })  # fmt: skip
+        }  # fmt: skip
     for (data, fault), part in judged.groupby(["data", "class"], sort=False):
         if part["sensor"].nunique() == 1:
             continue
         once = part.groupby("recording")[["over healthy", "over all", "first"]].any()
-        found.append({
+        yield {
             "data": data, "sensor": ANY, "class": fault, "recordings": len(once),
             "above healthy": float(once["over healthy"].sum()), "above all without it": once["over all"].sum(),
             "highest of its recording": once["first"].sum(),
-        })  # fmt: skip
-    return pd.DataFrame(found)
+        }  # fmt: skip
 
 
 def all_tables(work: Work) -> dict[str, pd.DataFrame]:

@@ -7,7 +7,7 @@ from importlib.util import find_spec
 import pandas as pd
 
 from papers.extra.pdm_bench import jobs
-from papers.framework import Step, Study, Work
+from papers.framework import Rows, Step, Study, Work, as_table
 
 MEASURES = ["accuracy", "oracle", "macro_f1", "auroc", "recordings"]
 
@@ -27,19 +27,18 @@ def all_tables(work: Work) -> dict[str, pd.DataFrame]:
     return {"pdm_bench-scenarios": scenarios(work), "pdm_bench-mean": means, "pdm_bench": rows}
 
 
-def scenarios(work: Work) -> pd.DataFrame:
+@as_table
+def scenarios(work: Work) -> Rows:
     """A row per scenario: recordings at hand and those of pdm-bench, windows, and the share of the largest class."""
-    out = []
     for own in work["splits"]:
         train, judge, _ = work["rows"][own.name]
         teach, judged = own.scenario.published
-        out.append({
+        yield {
             "scenario": own.name, "data": jobs.TITLES[own.records.name], "classes": ", ".join(own.classes),
             "teach": len(own.train), "of published": teach, "windows that teach": len(train["label"]),
             "judged": len(own.judge), "of published judged": judged, "windows judged": len(judge["label"]),
             "largest class": pd.Series(judge["label"]).value_counts(normalize=True).max(),
-        })  # fmt: skip
-    return pd.DataFrame(out)
+        }  # fmt: skip
 
 
 STUDY = Study(

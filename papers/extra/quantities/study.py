@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import pandas as pd
 
 from papers.extra.quantities import jobs
-from papers.framework import Step, Study, Work
+from papers.framework import Rows, Step, Study, Work, as_table
 from papers.paper3_zoa_dann.comparison.jobs import Options, check, load_tasks
 from papers.paper3_zoa_dann.comparison.trial import Trial
 from papers.paper3_zoa_dann.significance import paired
@@ -32,22 +32,21 @@ def table(found: Sequence[tuple[str, Result[Trial]]]) -> pd.DataFrame:
     )  # fmt: skip
 
 
-def means(rows: pd.DataFrame) -> pd.DataFrame:
+@as_table
+def means(rows: pd.DataFrame) -> Rows:
     """Mean over tasks and seeds; gain over the paper's quantity by pairs of task and seed, with sign-flip p."""
-    out = []
     pair, plain = ["task", "seed"], jobs.QUANTITIES[0]
     for (data, method), own in rows.groupby(["data", "method"], sort=False):
         first = own[own["quantity"] == plain].set_index(pair)["accuracy"]
         for quantity, of in own.groupby("quantity", sort=False):
             gain, found = paired(of.set_index(pair)["accuracy"], first)
             over = {"gain": gain.mean(), "pairs_won": found["won"], "pairs": len(gain), "p": found["p"]}
-            out.append({
+            yield {
                 "data": data, "method": method, "quantity": quantity, "accuracy": of["accuracy"].mean(),
                 "std": of["accuracy"].std(), "oracle": of["oracle"].mean(),
                 "source_accuracy": of["source_accuracy"].mean(),
                 **(dict.fromkeys(over, float("nan")) | {"pairs": len(gain)} if quantity == plain else over),
-            })  # fmt: skip
-    return pd.DataFrame(out)
+            }  # fmt: skip
 
 
 STUDY = Study(

@@ -14,7 +14,7 @@ import pandas as pd
 from scipy.stats import spearmanr
 
 from papers.arrays import Array
-from papers.framework import Work
+from papers.framework import Rows, Work, as_table
 from papers.paper2_digital_twin.degradation.candidates import Judged
 from papers.paper2_digital_twin.degradation.jobs import Coverage, KnownLaw
 from twingap.prognosis.degradation_models import MODELS
@@ -69,13 +69,13 @@ def runs(found: Sequence[Judged]) -> pd.DataFrame:
     ])  # fmt: skip
 
 
-def fusion9(found: Sequence[Judged]) -> pd.DataFrame:
+@as_table
+def fusion9(found: Sequence[Judged]) -> Rows:
     """Fusion feature 9 among the fusion features under each reading of how they are made.
 
     Rank 1 is best. ``later better`` compares the mean sensitivity of fusion features 9 and on with that of 1 to 8;
     ``number and sensitivity`` is Spearman's correlation of a component's number with its sensitivity.
     """
-    rows = []
     for j in found:
         r = j.run
         parts = [("left out", r.run)]
@@ -87,11 +87,10 @@ def fusion9(found: Sequence[Judged]) -> pd.DataFrame:
                 made = offline_indicators(run, scaling=scaling, order=order)
             else:
                 made = online_indicators(run, r.healthy_rows, scaling=scaling, order=order)
-            rows.append({
+            yield {
                 "run": r.name, "silent records": silent, "learnt from": learnt, "scaling": scaling, "order": order,
                 **_nine(made, run.time_s, r.healthy_rows, r.trend_rows),
-            })  # fmt: skip
-    return pd.DataFrame(rows)
+            }  # fmt: skip
 
 
 def _nine(made: Any, time_s: Array, healthy_rows: int, trend_rows: int) -> dict[str, Any]:
@@ -118,60 +117,57 @@ def _nine(made: Any, time_s: Array, healthy_rows: int, trend_rows: int) -> dict[
     return out
 
 
-def choice(found: Sequence[Judged]) -> pd.DataFrame:
+@as_table
+def choice(found: Sequence[Judged]) -> Rows:
     """The indicator chosen on other runs, beside the run's own best, RMS and fusion feature 9."""
-    rows: list[dict[str, Any]] = []
     for j in found:
         best = max(j.criteria, key=lambda name: j.criteria[name].suitability)
         for role, name in (("chosen on other runs", j.choice), ("best of this run", best), ("rms", "rms"),
                            ("fusion 9, healthy start", "fusion 9")):  # fmt: skip
             if name is None or name not in j.criteria:
-                rows.append({"run": j.run.name, "role": role, "candidate": "there is none"})
+                yield {"run": j.run.name, "role": role, "candidate": "there is none"}
                 continue
             c = j.criteria[name]
-            rows.append({
+            yield {
                 "run": j.run.name, "role": role, "candidate": name, "monotonicity": c.monotonicity,
                 "trendability": c.trendability, "robustness": c.robustness, "suitability": c.suitability,
                 "sensitivity": c.sensitivity,
-            })  # fmt: skip
-    return pd.DataFrame(rows)
+            }  # fmt: skip
 
 
-def fits(work: Work) -> pd.DataFrame:
+@as_table
+def fits(work: Work) -> Rows:
     """Fits to whole runs: errors, and information criteria as differences to the best model of the indicator."""
-    rows: list[dict[str, Any]] = []
     for job, values in _analyses(work):
         least = {name: min(v[name] for v in values.values()) for name in ("aicc", "bic", "aicc ar1", "bic ar1")}
         for model, v in values.items():
-            rows.append({
+            yield {
                 "run": job.run, "indicator": job.indicator, "model": model, "formula": MODELS[model].formula,
                 "parameters": MODELS[model].parameters, "R2": v["r2"], "rmse": v["rmse"],
                 "median |residual|": v["mae"], "robust: median |residual|": v["robust mae"],
                 **{f"{name} above best": v[name] - least[name] for name in least},
                 "residual memory": v["memory"], "memory refitted": v["memory ar1"],
                 "exponents": ", ".join(f"{e:.3g}" for e in v["exponents"]), "at a bound": v["at bound"],
-            })  # fmt: skip
-    return pd.DataFrame(rows)
+            }  # fmt: skip
 
 
-def error_rows(work: Work) -> pd.DataFrame:
+@as_table
+def error_rows(work: Work) -> Rows:
     """Errors on records after each tenth of life, also over the range that the indicator's trend runs through."""
     ranges = {
         (j.run.name, name): float(np.ptp(causal_trend(x, j.run.trend_rows)))
         for j in work["judged"] for name, x in j.series.items()
     }  # fmt: skip
-    rows = []
     for job, values in _analyses(work):
         reach = ranges[job.run, job.indicator]
         for model, v in values.items():
             for fit, key in (("squares", "errors"), ("robust", "robust errors")):
                 for share, rest, following, n in v[key]:
-                    rows.append({
+                    yield {
                         "run": job.run, "indicator": job.indicator, "model": model, "fit": fit, "share of life": share,
                         "records": n, "rmse rest": rest, "rmse next tenth": following,
                         "rest / range": rest / reach, "next / range": following / reach,
-                    })  # fmt: skip
-    return pd.DataFrame(rows)
+                    }  # fmt: skip
 
 
 def error_summary(errors: pd.DataFrame) -> pd.DataFrame:
@@ -181,9 +177,9 @@ def error_summary(errors: pd.DataFrame) -> pd.DataFrame:
     return grouped.median().add_suffix(", median").join(grouped.max().add_suffix(", worst")).reset_index()
 
 
-def pairs(errors: pd.DataFrame) -> pd.DataFrame:
+@as_table
+def pairs(errors: pd.DataFrame) -> Rows:
     """Combined power against exponential, model by model; below 1 the combined power's error is lower."""
-    rows = []
     for (run, indicator, fit), here in errors.groupby(["run", "indicator", "fit"], sort=False):
         for combined in COMBINED:
             for exponential in EXPONENTIALS:
@@ -199,14 +195,13 @@ def pairs(errors: pd.DataFrame) -> pd.DataFrame:
                     row[f"{what}: exponential median"] = other.median()
                     row[f"{what}: ratio of medians"] = one.median() / other.median()
                     row[f"{what}: tenths lower"] = f"{int((one < other).sum())} of {len(common)}"
-                rows.append(row)
-    return pd.DataFrame(rows)
+                yield row
 
 
-def out_of_sample(pair: pd.DataFrame, shown: str) -> pd.DataFrame:
+@as_table
+def out_of_sample(pair: pd.DataFrame, shown: str) -> Rows:
     """The claim under every reading: each of two combined powers against each of two exponentials, both errors, plain
     and robust fits, every indicator. ``holds``: lower on the paper's run and on at least four FEMTO runs."""
-    rows = []
     keys = ["indicator", "fit", "combined", "exponential"]
     for names, here in pair.groupby(keys, sort=False):
         for what, words in (("rest", "all later records"), ("next", "next tenth")):
@@ -214,60 +209,57 @@ def out_of_sample(pair: pd.DataFrame, shown: str) -> pd.DataFrame:
             femto = ratio[[r for r in ratio.index if str(r).startswith("FEMTO")]]
             own = float(ratio.get(shown, np.nan))
             lower = int((femto < 1).sum())
-            rows.append({
+            yield {
                 **dict(zip(keys, names, strict=True)), "error on": words, f"ratio on {shown}": own,
                 "FEMTO runs lower": lower, "FEMTO runs": len(femto), "FEMTO median ratio": femto.median(),
                 "all runs lower": int((ratio < 1).sum()), "runs": len(ratio), "holds": own < 1 and lower >= 4,
-            })  # fmt: skip
-    return pd.DataFrame(rows)
+            }  # fmt: skip
 
 
-def criteria_summary(found: pd.DataFrame) -> pd.DataFrame:
+@as_table
+def criteria_summary(found: pd.DataFrame) -> Rows:
     """In how many runs each model is the best by each criterion, and the better combined power beats the better
     exponential."""
-    rows: list[dict[str, Any]] = []
     for indicator, here in found.groupby("indicator", sort=False):
         for name in ("aicc", "bic", "aicc ar1", "bic ar1"):
             table = here.pivot_table(index="run", columns="model", values=f"{name} above best", sort=False)
             table = table[[m for m in MODELS if m in table]]
             combined, exponential = table[list(COMBINED)].min(axis=1), table[list(EXPONENTIALS)].min(axis=1)
             best = table.idxmin(axis=1)
-            rows.append({
+            yield {
                 "indicator": indicator, "criterion": name, "runs": len(table),
                 "combined below exponential": int((combined < exponential).sum()),
                 "three parameters: combined below exponential": int(
                     (table["combined power 3"] < table["exponential with offset"]).sum()),
                 **{f"best: {m}": int((best == m).sum()) for m in MODELS},
-            })  # fmt: skip
-    return pd.DataFrame(rows)
+            }  # fmt: skip
 
 
-def life_rows(work: Work) -> pd.DataFrame:
+@as_table
+def life_rows(work: Work) -> Rows:
     """Remaining life that each model would have predicted at each tenth, as shares of the whole life."""
     hours = {j.run.name: float(j.run.run.time_s[-1]) / 3600 for j in work["judged"]}
-    rows = []
     for job, values in _analyses(work):
         for model, v in values.items():
             for source, found in v["lives"].items():
                 for share, true, life, low, high, never in found:
                     reached = life is not None
                     inside = (low is not None and low <= true) and (high is None or true <= high)
-                    rows.append({
+                    yield {
                         "run": job.run, "indicator": job.indicator, "model": model, "limit": source,
                         "share of life": share, "true": true, "predicted": life, "low": low, "high": high,
                         "true h": true * hours[job.run], "predicted h": life * hours[job.run] if reached else None,
                         "reached": reached, "inside": inside, "bounded": high is not None, "curves never": never,
-                    })  # fmt: skip
-    return pd.DataFrame(rows)
+                    }  # fmt: skip
 
 
-def life_summary(lives: pd.DataFrame) -> pd.DataFrame:
+@as_table
+def life_summary(lives: pd.DataFrame) -> Rows:
     """Over runs and tenths: how far off, how often there is an answer at all, how often the interval holds."""
-    rows = []
     for (indicator, limit, model), here in lives.groupby(["indicator", "limit", "model"], sort=False):
         off = (here["predicted"].astype(float) - here["true"]).abs().fillna(np.inf)
         late = here["share of life"] >= 0.7 - 1e-9
-        rows.append({
+        yield {
             "indicator": indicator, "limit": limit, "model": model, "predictions": len(here),
             "median error / life": _or_none(off.median()),
             "median error / life, from 0.7 on": _or_none(off[late].median()),
@@ -275,8 +267,7 @@ def life_summary(lives: pd.DataFrame) -> pd.DataFrame:
             "interval holds": here["inside"].mean(), "interval bounded": here["bounded"].mean(),
             "too late by more than 20 % or never": ((here["predicted"].astype(float).fillna(np.inf) - here["true"])
                                                      > 0.2).mean(),
-        })  # fmt: skip
-    return pd.DataFrame(rows)
+        }  # fmt: skip
 
 
 def coverage(found: Sequence[Result[Coverage]]) -> pd.DataFrame:

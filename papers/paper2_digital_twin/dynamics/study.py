@@ -9,7 +9,7 @@ from collections.abc import Sequence
 
 import pandas as pd
 
-from papers.framework import Step, Study, Work
+from papers.framework import Rows, Step, Study, Work, as_table
 from papers.paper2_digital_twin.dynamics import figures, jobs
 from twingap.sweep import Result
 
@@ -19,17 +19,17 @@ def all_tables(work: Work) -> dict[str, pd.DataFrame]:
     return {name: table.assign(data="simulated by the contact twin") for name, table in found.items()}
 
 
-def balance(healthy: Sequence[Result[jobs.Case]]) -> pd.DataFrame:
+@as_table
+def balance(healthy: Sequence[Result[jobs.Case]]) -> Rows:
     """Where each normal bearing settles against the static Hertz solution, and the rest of the checks.
 
     ``settled s`` is the time from which the ring stays within the stated part of the static displacement. It is empty
     where the ring leaves that in the judged part: it still rings, or is moved by its own rollers. ``apart`` is the RMS
     difference to SciPy's DOP853 of displacement and velocity, relative, worst of x and y.
     """
-    rows = []
     for r in healthy:
         v = r.value
-        rows.append({
+        yield {
             "setting": r.job.setting, "speed_rpm": r.job.speed_rpm, "load_n": r.job.load_n,
             "clearance_um": r.job.clearance_um, "x mean um": v["mean_x_um"], "x static um": v["still_x_um"],
             "y mean um": v["mean_y_um"], "y static um": v["still_y_um"],
@@ -37,22 +37,20 @@ def balance(healthy: Sequence[Result[jobs.Case]]) -> pd.DataFrame:
             "vx rms mm/s": v["speed_rms_mm_s"][0], "vy rms mm/s": v["speed_rms_mm_s"][1],
             "energy residual %": v["energy_residual_percent"],
             "displacement apart %": max(v["apart_percent"][:2]), "velocity apart %": max(v["apart_percent"][2:]),
-        })  # fmt: skip
-    return pd.DataFrame(rows)
+        }  # fmt: skip
 
 
-def faults(faulty: Sequence[Result[jobs.Case]]) -> pd.DataFrame:
+@as_table
+def faults(faulty: Sequence[Result[jobs.Case]]) -> Rows:
     """Orders found in squared envelope spectra; ``on time`` is the nearest line within the spectrum's resolution."""
-    rows = []
     for r in faulty:
         v = r.value
-        rows.append({
+        yield {
             "setting": r.job.setting, "fault": r.job.fault, "speed_rpm": r.job.speed_rpm, "load_n": r.job.load_n,
             "clearance_um": r.job.clearance_um, "order expected": v["expected"], "order found": v["found"],
             "on time": bool(abs(v["found"] - v["expected"]) <= v["resolution"]), "strongest order": v["strongest"],
             "line over median": v["height"], "rms m/s^2": v["rms"], "rms over healthy": v["rms"] / v["healthy_rms"],
-        })  # fmt: skip
-    return pd.DataFrame(rows)
+        }  # fmt: skip
 
 
 STUDY = Study(

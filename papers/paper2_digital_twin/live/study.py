@@ -8,13 +8,13 @@ from __future__ import annotations
 import re
 from collections import Counter
 from collections.abc import Sequence
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 import pandas as pd
 
 from papers.arrays import Array
-from papers.framework import Step, Study, Work
+from papers.framework import Rows, Step, Study, Work, as_table
 from papers.paper2_digital_twin.live import figures, jobs
 from papers.paper2_digital_twin.live_twin.twin import WATCHED
 from twingap.rigs.drifting import COOLED, WEARS
@@ -67,48 +67,46 @@ def by_phase(result: Result[jobs.Scenario], arm: str, what: str = "error") -> di
     return out
 
 
-def errors(drifting: Sequence[Result[jobs.Scenario]]) -> pd.DataFrame:
+@as_table
+def errors(drifting: Sequence[Result[jobs.Scenario]]) -> Rows:
     """Relative error of the predicted amplitude spectrum by arm and phase, over machines.
 
     ``shape`` is what is left when the prediction may be scaled as a whole. ``chance`` is what a perfect twin would
     show, since a snapshot's own spectrum scatters.
     """
-    rows = []
     for arm in drifting[0].value["arms"]:
         found = [by_phase(r, arm) for r in drifting]
         shapes = [by_phase(r, arm, "shape") for r in drifting]
         for phase in found[0]:
             each = np.array([f[phase] for f in found])
-            rows.append({
+            yield {
                 "arm": arm, "phase": phase, "machines": each.size, "error mean": each.mean(),
                 "error std": each.std(ddof=1) if each.size > 1 else None, "error most": each.max(),
                 "shape mean": float(np.mean([s[phase] for s in shapes])),
                 "chance": float(drifting[0].value["chance"]),
-            })  # fmt: skip
-    return pd.DataFrame(rows)
+            }  # fmt: skip
 
 
-def targets(options: jobs.Options, drifting: Sequence[Result[jobs.Scenario]]) -> pd.DataFrame:
+@as_table
+def targets(options: jobs.Options, drifting: Sequence[Result[jobs.Scenario]]) -> Rows:
     """What was promised, and what each came to: the worst machine decides."""
-    rows = []
     for phase in (DRIFT, WHOLE):
         for what in ("error", "shape"):
             ratio = [by_phase(r, "frozen", what)[phase] / by_phase(r, "live", what)[phase] for r in drifting]
-            rows.append({
+            yield {
                 "target": f"frozen over live, {what}, {phase}", "at least": options.halved,
                 "median": float(np.median(ratio)), "worst machine": min(ratio),
                 "met": bool(min(ratio) >= options.halved),
-            })  # fmt: skip
+            }  # fmt: skip
     # Every identification, those included that kept the values; the first one is the commissioning.
     spent = np.array([s for r in drifting for s in [s for s, kind in _spent(r) if kind != LAW][1:]])
     if spent.size:
-        rows.append({
+        yield {
             "target": f"{options.most_ms:g} ms over the cost of an update", "at least": 1.0,
             "median": options.most_ms / (1e3 * float(np.median(spent))),
             "worst machine": options.most_ms / (1e3 * float(spent.max())),
             "met": bool(1e3 * spent.max() <= options.most_ms),
-        })  # fmt: skip
-    return pd.DataFrame(rows)
+        }  # fmt: skip
 
 
 def false_alarms(options: jobs.Options, steady: Sequence[Result[jobs.Scenario]]) -> pd.DataFrame:
@@ -142,17 +140,16 @@ def messages(drifting: Sequence[Result[jobs.Scenario]]) -> pd.DataFrame:
     return pd.DataFrame([{"message": k, "case": c, "count": n} for (k, c), n in sorted(total.items())])
 
 
-def cost(drifting: Sequence[Result[jobs.Scenario]]) -> pd.DataFrame:
+@as_table
+def cost(drifting: Sequence[Result[jobs.Scenario]]) -> Rows:
     """CPU time that updates took where they were run, by kind: it differs from run to run."""
-    rows: list[dict[str, Any]] = []
     for kind in (LAW, "commissioning", "drift", "following", "kept"):
         spent = np.array([s for r in drifting for s, k in _spent(r) if k == kind])
         if spent.size:
-            rows.append({
+            yield {
                 "kind": kind, "updates": spent.size, "median ms": 1e3 * float(np.median(spent)),
                 "90 % ms": 1e3 * float(np.quantile(spent, 0.9)), "most ms": 1e3 * float(spent.max()),
-            })  # fmt: skip
-    return pd.DataFrame(rows)
+            }  # fmt: skip
 
 
 def _spent(result: Result[jobs.Scenario]) -> list[tuple[float, str]]:

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from papers.framework import Step, Study, Work
+from papers.framework import Rows, Step, Study, Work, as_table
 from papers.paper3_zoa_dann.identification import figures, jobs
 from papers.paper3_zoa_dann.identification.agreement import METRICS
 from twingap.sweep import Result
@@ -34,13 +34,13 @@ def all_tables(work: Work) -> dict[str, pd.DataFrame]:
     return tables
 
 
-def convergence(searches: Sequence[Result[jobs.Search]]) -> pd.DataFrame:
+@as_table
+def convergence(searches: Sequence[Result[jobs.Search]]) -> Rows:
     """Cost that each optimiser has reached when its evaluations are spent, over seeds, and how soon it came near.
 
     ``near`` is the median number of evaluations after which a run is within 1 % of the least cost that any run of any
     optimiser found; empty when half of the runs never are.
     """
-    rows = []
     keys = list(dict.fromkeys((r.job.fault, r.job.setting) for r in searches))
     for fault, setting in keys:
         here = [r for r in searches if (r.job.fault, r.job.setting) == (fault, setting)]
@@ -51,33 +51,31 @@ def convergence(searches: Sequence[Result[jobs.Search]]) -> pd.DataFrame:
             near = [_first(np.asarray(v["best"]) <= 1.01 * least) for v in runs]
             k, c = (np.array([v[name] for v in runs]) for name in ("stiffness", "damping"))
             half = float(np.median(near))
-            rows.append({
+            yield {
                 "fault": fault, "setting": setting, "optimiser": optimiser, "runs": len(runs),
                 "evaluations": len(runs[0]["best"]), "cost median": np.median(cost), "cost least": cost.min(),
                 "cost most": cost.max(), "near": half if np.isfinite(half) else None,
                 "stiffness median": np.median(k), "stiffness least": k.min(), "stiffness most": k.max(),
                 "damping median": np.median(c), "damping least": c.min(), "damping most": c.max(),
-            })  # fmt: skip
-    return pd.DataFrame(rows)
+            }  # fmt: skip
 
 
-def agreement(comparisons: Sequence[Result[jobs.Comparison]]) -> pd.DataFrame:
+@as_table
+def agreement(comparisons: Sequence[Result[jobs.Comparison]]) -> Rows:
     """Metrics of each twin on the half of the recording that it was not fitted to."""
-    rows: list[dict[str, Any]] = []
     for r in comparisons:
         for reading in READINGS:
             metrics = {f"{kind} {m}": r.value[f"{reading}: {kind} {m}"] for kind in KINDS for m in METRICS}
-            rows.append({
+            yield {
                 "fault": r.job.fault, "setting": r.job.setting, "twin": r.job.twin, "reading": reading,
                 "stiffness": r.job.stiffness, "damping": r.job.damping, "cost": r.value["cost"],
                 "contact share": r.value["contact share"], **metrics,
-            })  # fmt: skip
-    return pd.DataFrame(rows)
+            }  # fmt: skip
 
 
-def drops(found: pd.DataFrame, options: jobs.Options) -> pd.DataFrame:
+@as_table
+def drops(found: pd.DataFrame, options: jobs.Options) -> Rows:
     """By how many percent each metric falls from the setting's first twin to the others, mean and range over faults."""
-    rows: list[dict[str, Any]] = []
     for (setting, reading), here in found.groupby(["setting", "reading"], sort=False):
         first = here["twin"].iloc[0]
         before = here[here["twin"] == first].set_index("fault")
@@ -92,25 +90,23 @@ def drops(found: pd.DataFrame, options: jobs.Options) -> pd.DataFrame:
                         f"{metric} %": change.mean(), f"{metric} least": change.min(), f"{metric} most": change.max(),
                         f"{metric} published": published if setting == "paper" else None,
                     }  # fmt: skip
-                rows.append(row)
-    return pd.DataFrame(rows)
+                yield row
 
 
-def recovery(recoveries: Sequence[Result[jobs.Recovery]], snr_db: float) -> pd.DataFrame:
+@as_table
+def recovery(recoveries: Sequence[Result[jobs.Recovery]], snr_db: float) -> Rows:
     """How far identified parameters of simulated machines are off, and how often 90 % intervals hold them."""
-    rows = []
     for fault in dict.fromkeys(r.job.fault for r in recoveries):
         here = [r.value for r in recoveries if r.job.fault == fault]
         for name in ("stiffness", "damping"):
             off = np.abs([v[name] for v in here])
             inside = [v[f"{name} inside"] for v in here if v[f"{name} inside"] is not None]
-            rows.append({
+            yield {
                 "fault": fault, "parameter": name, "snr_db": snr_db, "machines": len(here),
                 "median off %": 100 * np.median(off), "most off %": 100 * off.max(),
                 "within 5 %": f"{(off <= 0.05).sum()} of {off.size}",
                 "in 90 % interval": f"{sum(inside)} of {len(inside)}", "without interval": len(here) - len(inside),
-            })  # fmt: skip
-    return pd.DataFrame(rows)
+            }  # fmt: skip
 
 
 def _first(true: Any) -> float:

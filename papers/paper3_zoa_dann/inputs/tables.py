@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pandas as pd
 
-from papers.framework import Work
+from papers.framework import Rows, Work, as_table
 from papers.intervals import intervals, std
 from papers.paper3_zoa_dann.inputs.jobs import LABELS, TaskResult
 from papers.paper3_zoa_dann.inputs.options import Options
@@ -124,19 +124,18 @@ def recordings(results: Sequence[TaskResult], options: Options, data: str) -> pd
     return pd.DataFrame(rows)
 
 
-def selection(results: Sequence[TaskResult], data: str) -> pd.DataFrame:
+@as_table
+def selection(results: Sequence[TaskResult], data: str) -> Rows:
     """Accuracy by the criterion that chose the checkpoint, mean over seeds; the last and the oracle beside them."""
-    rows = []
     for result in results:
         for (view, method), trainings in result.cells.items():
             values = [t.value for t in trainings]
-            rows.append({
+            yield {
                 "data": data, "task": result.task.title, "input": view, "method": LABELS[method],
                 **{name: np.mean([v["accuracy"][v["chosen"][name]] for v in values]) for name in values[0]["chosen"]},
                 "last checkpoint": np.mean([v["accuracy"][-1] for v in values]),
                 "oracle (target labels)": np.mean([max(v["accuracy"]) for v in values]),
-            })  # fmt: skip
-    return pd.DataFrame(rows)
+            }  # fmt: skip
 
 
 def adaptation(results: Sequence[TaskResult], options: Options, data: str) -> list[dict[str, Any]]:
