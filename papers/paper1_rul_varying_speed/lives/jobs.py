@@ -3,9 +3,6 @@
 Smart Maintenance set, or virtual rig --> cases --> twin, up to now --> simulated lives --> five models x seeds
                                                                                                     |
                          tables, figures, nested runs <-- judged on the run to its end <-- chosen without labels
-
-Used in: Simulation-based remaining useful life prediction of rolling element bearings under varying operating
-conditions.
 """
 
 from __future__ import annotations

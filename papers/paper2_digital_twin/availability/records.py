@@ -4,8 +4,6 @@ recording --cut--> pieces of some turns (the labelled "records") --> modulation,
               +--> short windows --> features for the healthy map
 recordings --by recording (shuffled by seed) or by bearing--> folds: learn | judge
 learn --n records of each fault, from as many recordings as there are--> labelled
-
-Used in: Paper 2, section 3, diagnosis by how much fault data there is.
 """
 
 from __future__ import annotations

@@ -1,8 +1,6 @@
 """Health indicators of every run: candidates, their criteria, and the choice that other runs make for it.
 
 runs to failure --> features --> candidates (healthy start) --> criteria --> chosen on other runs; fusion feature 9
-
-Used in: Paper 2, section 4.
 """
 
 from __future__ import annotations

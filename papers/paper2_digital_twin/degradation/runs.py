@@ -3,8 +3,6 @@
 FEMTO, raw IMS --job per bearing--> 15 features [rows, 15], extremes and spectral kurtosis for figures
 IMS feature tables --the columns that correspond--> 8 or 11 features, 4 stand-ins
                   --pauses cut out of the clock; silent records told apart--> StudyRun
-
-Used in: Paper 2, section 4.
 """
 
 from __future__ import annotations

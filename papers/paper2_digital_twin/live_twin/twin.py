@@ -10,8 +10,6 @@ The first snapshots commission the twin: they are fitted together and show how m
 names the parameter that drifts and since when. What is fitted grows with each further snapshot until `window` of them
 stand behind the new values; then the detector watches again. A machine that stands still does not show them: its
 snapshots are counted and left out.
-
-Used in: Paper 2, figure 7 (simple state signals update the model, complex ones are simulated by it and compared).
 """
 
 from __future__ import annotations
