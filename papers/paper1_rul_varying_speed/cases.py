@@ -16,13 +16,8 @@ from numpy.typing import NDArray
 
 from papers.arrays import Array
 from papers.paper1_rul_varying_speed.lives.options import TargetOptions
-from papers.paper1_rul_varying_speed.methods.adaptive_twin import (
-    Adaptation,
-    AdaptiveTwin,
-    NoLifeError,
-    adapt_when_possible,
-    read_mode,
-)
+from papers.paper1_rul_varying_speed.methods import adaptive_twin
+from papers.paper1_rul_varying_speed.methods.adaptive_twin import Adaptation, AdaptiveTwin, NoLifeError
 from papers.paper1_rul_varying_speed.methods.degradation import end_row
 from papers.paper1_rul_varying_speed.methods.remaining_life import remaining_revolutions, remaining_time_s
 from papers.paper1_rul_varying_speed.methods.run import Run, read_run
@@ -159,7 +154,9 @@ def adapted(records: RecordSet, run: Run, name: str, adaptation: Adaptation) -> 
     """The twin at the first moment at which it can be had, and why not earlier; errors name the run."""
     waited: list[str] = []
     try:
-        twin = adapt_when_possible(run, read_mode(records, run, adaptation), adaptation, waited.append)
+        twin = adaptive_twin.adapt_when_possible(
+            run, adaptive_twin.read_mode(records, run, adaptation), adaptation, waited.append
+        )
     except TwingapError as error:
         place = f"run {name}" if error.where in (None, "run") else f"run {name}, {error.where}"
         kind = NoLifeError if isinstance(error, NoLifeError) else TwingapError

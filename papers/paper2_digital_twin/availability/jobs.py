@@ -22,27 +22,9 @@ from numpy.typing import NDArray
 
 from papers.arrays import Array
 from papers.options import expect, read
-from papers.paper2_digital_twin.availability.records import (
-    ALL,
-    SPLITS,
-    TITLES,
-    WINDOW,
-    Measured,
-    at_hand,
-    backgrounds,
-    counts_of,
-    judged,
-    labelled,
-    measure,
-)
-from papers.paper2_digital_twin.availability.source import (
-    Background,
-    Kind,
-    Plant,
-    SourceOptions,
-    healthy_recordings,
-    simulate,
-)
+from papers.paper2_digital_twin.availability import records, source
+from papers.paper2_digital_twin.availability.records import ALL, SPLITS, TITLES, Measured
+from papers.paper2_digital_twin.availability.source import Background, Kind, Plant, SourceOptions
 from papers.paper2_digital_twin.methods.condition_features import window_features
 from papers.paper2_digital_twin.methods.few_labels import fit_few_labels
 from papers.paper2_digital_twin.methods.inception import InceptionTraining, evidence, outputs, train_inception
@@ -196,7 +178,7 @@ def network(job: NetworkJob, data: Mapping[str, Measured], source: Mapping[str, 
     states = train_inception(x[~held], y[~held], n_classes, job.training, job.seed)
     out: dict[str, Any] = {}
     # Healthy recordings are dealt alike in all splits, and with them the baseline.
-    baseline = baseline_of(own, judged(own, SPLITS[0], job.fold, job.folds, job.seed))
+    baseline = baseline_of(own, records.judged(own, SPLITS[0], job.fold, job.folds, job.seed))
     target = {r: strips(own, r, baseline, job.image, STRIP) for r in own.recordings}
     each = {r: np.stack([own.features[p].mean(axis=0) for p in _parts(own.pieces([r]), STRIP)]) for r in own.recordings}
     owner = np.concatenate([[r] * len(v) for r, v in target.items()])
@@ -204,7 +186,7 @@ def network(job: NetworkJob, data: Mapping[str, Measured], source: Mapping[str, 
     alone = images(own.found, baseline, job.image)
     seen = evidence(states, x[held], y[held], shown, n_classes, job.training)
     for split in SPLITS:
-        judge = judged(own, split, job.fold, job.folds, job.seed)
+        judge = records.judged(own, split, job.fold, job.folds, job.seed)
         learn = [r for r in own.recordings if r not in judge]
         known = np.isin(owner, learn)
         # The choice looks at the recordings that may be learnt from, without their labels, never at those judged.
@@ -226,8 +208,8 @@ def network(job: NetworkJob, data: Mapping[str, Measured], source: Mapping[str, 
         logits = seen[place].target.logits.astype(np.float64)
         for count in job.counts:
             rng = np.random.default_rng([job.seed, 31, job.fold, SPLITS.index(split)])
-            few = labelled(own, learn, count, rng, all_healthy=True)
-            row: dict[str, Any] = {"labels": counts_of(own, few)}
+            few = records.labelled(own, learn, count, rng, all_healthy=True)
+            row: dict[str, Any] = {"labels": records.counts_of(own, few)}
             for name, options in (("calls", job.head), ("without network", dataclasses.replace(job.head, trust=0.0))):
                 head = fit_residual_head(pieces[few], own.features[few], truth[few], unlabelled, options)
                 told = head.probabilities(logits[asked], features[asked])
@@ -242,19 +224,19 @@ def shallow(job: ShallowJob, data: Mapping[str, Measured]) -> dict[str, Any]:
     n_classes, truth = len(own.classes), own.piece_labels()
     out: dict[str, Any] = {}
     for split in SPLITS:
-        judge = judged(own, split, job.fold, job.folds, job.seed)
+        judge = records.judged(own, split, job.fold, job.folds, job.seed)
         learn = [r for r in own.recordings if r not in judge]
         asked = own.pieces(judge)
         out[split] = {"SVM": {}, "SOM-MQE": {}}
         for count in job.counts:
             rng = np.random.default_rng([job.seed, 31, job.fold, SPLITS.index(split)])
-            places = labelled(own, learn, count, rng, all_healthy=False)
+            places = records.labelled(own, learn, count, rng, all_healthy=False)
             f, y = own.features[places], truth[places]
             svm = fit_few_labels(f, y, own.recording[places], n_classes)
             maps = fit_class_maps(f, y, n_classes, job.maps, rng)
             for name, made in (("SVM", svm), ("SOM-MQE", maps)):
                 called = _calls(made.probabilities(own.features[asked]), own.recording[asked], judge)
-                out[split][name][str(count)] = {"calls": called, "labels": counts_of(own, places)}
+                out[split][name][str(count)] = {"calls": called, "labels": records.counts_of(own, places)}
     return out
 
 
@@ -284,8 +266,8 @@ def alarm(job: AlarmJob, data: Mapping[str, Measured]) -> dict[str, Any]:
 
 def false_alarms(job: CheckJob) -> dict[str, Any]:
     """A simulated healthy machine: three recordings calibrate, the others are judged."""
-    made = healthy_recordings(job.plant, job.seed, job.recordings, job.seconds)
-    each = [window_features(pieces_of(x, WINDOW), np.median) for x in made]
+    made = source.healthy_recordings(job.plant, job.seed, job.recordings, job.seconds)
+    each = [window_features(pieces_of(x, records.WINDOW), np.median) for x in made]
     group = np.concatenate([[f"r{i}"] * len(f) for i, f in enumerate(each[:3])])
     own = healthy_map(np.concatenate(each[:3]), group, job.false_alarm, np.random.default_rng(job.seed), job.maps)
     shares = [float((own.mqe(f) > own.threshold).mean()) for f in each[3:]]
@@ -302,19 +284,19 @@ def _calls(probabilities: Array, owner: NDArray[np.str_], judge: Sequence[str]) 
 def load_sets(work: Work) -> dict[str, RecordSet]:
     """Those of the data sets that are at hand; the virtual rig when none is."""
     options, size = work.options, work.size
-    found = at_hand(options.data[:1] if size.smoke else options.data, work.root, size.rig_duration_s)
+    found = records.at_hand(options.data[:1] if size.smoke else options.data, work.root, size.rig_duration_s)
     work.title = ", ".join(TITLES[name] for name in found)
     return found
 
 
 def measured(work: Work) -> dict[str, Measured]:
-    return {name: measure(found, name, work.options.image) for name, found in work["records"].items()}
+    return {name: records.measure(found, name, work.options.image) for name, found in work["records"].items()}
 
 
 def healthy(work: Work) -> dict[str, dict[str, Background]]:
     """Each set's recordings that a twin may stand on."""
     image = work.options.image
-    return {name: backgrounds(found, work["data"][name], image) for name, found in work["records"].items()}
+    return {name: records.backgrounds(found, work["data"][name], image) for name, found in work["records"].items()}
 
 
 def folds(work: Work) -> range:
@@ -383,7 +365,7 @@ def simulated(work: Work) -> dict[str, Any]:
     for name in work["data"]:
         here = list(dict.fromkeys(p for p in wanted.values() if p.data == name))
         inputs = {"healthy": (work["healthy"][name], work["records"][name].digest)}
-        made |= {r.job: r.value for r in work.sweep(simulate, here, inputs, what="populations")}
+        made |= {r.job: r.value for r in work.sweep(source.simulate, here, inputs, what="populations")}
     return {key: made[plant] for key, plant in wanted.items()}
 
 
@@ -400,7 +382,7 @@ def _plant(
     under: tuple[str, ...] = ()
     if kind == "grafted":
         # Healthy recordings are dealt alike in every seed and split.
-        own = judged(data, SPLITS[0], fold, options.folds, seed)
+        own = records.judged(data, SPLITS[0], fold, options.folds, seed)
         under = tuple(b for b in backgrounds if b not in own)
         if not under:
             raise TwingapError("no healthy recording is left to learn from", where=f"{data.name}, fold {fold}")
