@@ -276,6 +276,18 @@ def test_noise_is_the_same_for_all_methods_and_at_the_stated_ratio() -> None:
     assert abs(np.corrcoef((one - own.samples).ravel(), (other - own.samples).ravel())[0, 1]) < 0.02
 
 
+@pytest.mark.parametrize("snr_db", [-5.0, 10.0])
+def test_noise_has_the_stated_ratio_in_each_recording(snr_db: float) -> None:
+    level = np.repeat([0.1, 5.0], 40)
+    x = level[:, None] * np.random.default_rng(0).standard_normal((80, 512)) + 3.0
+    windows = Windows(x, np.full(80, 12e3), np.full(80, 1800.0), np.repeat(["a", "b"], 40), None)
+    noise = noisy(windows, dataclasses.replace(planned("A3", "full")[0], snr_db=snr_db), 4).samples - x
+    for part in (slice(0, 40), slice(40, 80)):
+        ratio = 10 * np.log10(x[part].var() / noise[part].var())
+        assert ratio == pytest.approx(snr_db, abs=0.15)
+    assert abs(np.mean(noise[:, 1:] * noise[:, :-1])) < 0.02 * noise.var(), "white"
+
+
 # -- significance -----------------------------------------------------------------------------------------------------
 
 
