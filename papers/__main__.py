@@ -12,8 +12,8 @@ from pathlib import Path
 
 from papers.framework import load_study
 from papers.reproduce import check_configurations, full_name, short_names
+from twingap import TwingapError
 from twingap.effects import load_effects
-from twingap.errors import TwingapError
 from twingap.track import MlflowTracker, NullTracker
 
 

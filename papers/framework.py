@@ -17,15 +17,14 @@ import inspect
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, ParamSpec
 
+from papers.figures import style
 from papers.imports import digest_of_imports
-from twingap import files
+from twingap import TwingapError, files
 from twingap.config import build, read_toml
-from twingap.errors import TwingapError
 from twingap.provenance import digest_of_path, plain
-from twingap.sweep import Result, sweep
-from twingap.sweep.backends import BACKENDS
+from twingap.sweep import BACKENDS, Result, sweep
 from twingap.track import NullTracker, Run
 
 if TYPE_CHECKING:
@@ -34,12 +33,11 @@ if TYPE_CHECKING:
 
 Progress = Callable[[str, int, int], None]
 """Called with what is being done, how much of it is done, and how much there is."""
+P = ParamSpec("P")
+Rows = Iterator[dict[str, Any]]
+"""Rows of a table: column -> value."""
 Inputs = Mapping[str, tuple[Any, str | None]]
 """Name of an argument of a step's function -> its value, and its digest; None where results do not depend on it."""
-STYLE: Final[Any] = {"font.size": 13, "axes.titlesize": 13, "axes.labelsize": 13, "legend.fontsize": 12}
-"""Sizes of letters in figures."""
-STYLE_LARGE: Final[Any] = {"font.size": 14, "axes.titlesize": 14, "axes.labelsize": 14, "legend.fontsize": 13}
-"""The same for figures of many panels."""
 
 
 def _nothing(work: Work) -> dict[str, Any]:
@@ -48,80 +46,37 @@ def _nothing(work: Work) -> dict[str, Any]:
 
 @dataclass(frozen=True)
 class Step:
-    """A step of a study.
+    """A step of a study."""
 
-    Parameters
-    ----------
-    name : str
-        Its outputs are ``work[name]``: results in the order of its jobs, or what the function returned.
-    function : callable
-        With `jobs`: ``function(job, **inputs)``, at module level in ``jobs.py``, run by workers. Without: called once,
-        with the `Work`.
-    jobs : callable, optional
-        Work -> frozen dataclasses, or mappings of JSON values.
-    inputs : callable
-        Work -> `Inputs`, what the function reads besides its job.
-    words : callable, optional
-        Job -> its description, for progress and errors.
-    """
-
-    name: str
+    name: str  # its outputs are ``work[name]``: results in the order of its jobs, or what the function returned
+    # With `jobs`: ``function(job, **inputs)``, at module level in ``jobs.py``, run by workers. Without: called once,
+    # with the `Work`.
     function: Callable[..., Any]
-    jobs: Callable[[Work], Iterable[Any]] | None = None
-    inputs: Callable[[Work], Inputs] = _nothing
-    words: Callable[[Any], str] | None = None
+    jobs: Callable[[Work], Iterable[Any]] | None = None  # frozen dataclasses, or mappings of JSON values
+    inputs: Callable[[Work], Inputs] = _nothing  # what the function reads besides its job
+    words: Callable[[Any], str] | None = None  # of a job, for progress and errors
 
 
 @dataclass(frozen=True)
 class Study:
-    """A study, as it is declared.
-
-    Parameters
-    ----------
-    name, title : str
-        The title stands above the headlines.
-    options : type
-        Dataclass of that file's entries, which are explained there. Its field `profiles`, a mapping, has the sizes of
-        each profile.
-    tables : callable
-        Work -> name -> table.
-    config : Path
-        Its TOML file; the one beside the module of `options` unless given.
-    figures : callable, optional
-        Work -> pairs of name and figure.
-    headlines : tuple of str
-        Tables that are printed at the end.
-    columns : mapping
-        Headline table -> its columns that are printed; all of a table that has no entry.
-    data : str
-        Where the numbers come from, unless a step says it.
-    check : callable, optional
-        Called with options and path; raises `TwingapError` for what types cannot say.
-    metrics : callable
-        Work -> name -> number, logged.
-    notes : callable
-        Work -> lines that are printed below the headlines.
-    at_hand : callable
-        Data root or None -> whether the data are at hand; a paper leaves the study out where they are not.
-    style : mapping
-        Sizes of letters in figures.
-    """
+    """A study, as it is declared."""
 
     name: str
-    title: str
+    title: str  # stands above the headlines
+    # dataclass of the entries of `config`, which are explained there; its field `profiles` has each profile's sizes
     options: type[Any]
     steps: Sequence[Step]
     tables: Callable[[Work], Mapping[str, pd.DataFrame]]
-    config: Path = Path("config.toml")
+    config: Path = Path("config.toml")  # beside the module of `options`
     figures: Callable[[Work], Iterable[tuple[str, Figure]]] | None = None
-    headlines: tuple[str, ...] = ()
-    columns: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
-    data: str = ""
-    check: Callable[[Any, Path], None] | None = None
-    metrics: Callable[[Work], Mapping[str, float | None]] = _nothing
-    notes: Callable[[Work], Iterable[str]] = lambda work: ()
-    at_hand: Callable[[Path | None], bool] = lambda root: True
-    style: Any = field(default_factory=lambda: STYLE)
+    headlines: tuple[str, ...] = ()  # tables that are printed at the end
+    columns: Mapping[str, tuple[str, ...]] = field(default_factory=dict)  # of headlines, where not all are printed
+    data: str = ""  # where the numbers come from, unless a step says it
+    check: Callable[[Any, Path], None] | None = None  # raises `TwingapError` for what types of options cannot say
+    metrics: Callable[[Work], Mapping[str, float | None]] = _nothing  # logged
+    notes: Callable[[Work], Iterable[str]] = lambda work: ()  # printed below the headlines
+    at_hand: Callable[[Path | None], bool] = lambda root: True  # in that data root; else a paper leaves the study out
+    letters: tuple[int, int] = (13, 12)  # sizes of letters in figures, and of those in legends, points
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "config", Path(inspect.getfile(self.options)).parent / self.config)
@@ -135,28 +90,16 @@ class Study:
         return options
 
     def run(
-        self,
-        profile: str = "smoke",
-        *,
-        out: Path,
-        root: Path | None = None,
-        seed: int = 0,
-        backend: str = "loky",
-        address: str | None = None,
-        device: str = "auto",
-        log: Run | None = None,
-        progress: Progress = lambda what, done, total: None,
-        config: Path | None = None,
-        draw: bool = True,
-    ) -> Work:
-        """Run the study; what an interrupted run has finished is taken up again.
+        self, profile: str = "smoke", *, out: Path, root: Path | None = None, seed: int = 0, backend: str = "loky",
+        address: str | None = None, device: str = "auto", log: Run | None = None,
+        progress: Progress = lambda what, done, total: None, config: Path | None = None, draw: bool = True,
+    ) -> Work:  # fmt: skip
+        """Run a profile of the study; what an interrupted run has finished is taken up again.
 
         Raises `TwingapError` for a configuration, profile, data root, backend or folder that cannot be used.
 
         Parameters
         ----------
-        profile : str
-            A profile of the configuration.
         out : Path
             Folder for ``tables/``, ``figures/`` and ``results/``, the store of finished jobs. Results computed
             elsewhere can be copied into it: their keys depend on jobs, code and data, not on machine or path.
@@ -173,7 +116,7 @@ class Study:
         config : Path or None
             In place of the study's own.
         draw : bool
-            Make the figures.
+            Whether figures are made.
         """
         path = config or self.config
         options = self.read(path)
@@ -212,7 +155,7 @@ class Study:
         if draw and self.figures is not None:
             import matplotlib as mpl
 
-            with mpl.rc_context(self.style):
+            with mpl.rc_context(style(*self.letters)):
                 for name, figure in self.figures(work):
                     write_figure(figure, work.out / "figures" / f"{name}.png")
                     work.log.figure(name, figure)
@@ -220,26 +163,12 @@ class Study:
 
 @dataclass
 class Work:
-    """A study at work: what it was asked for, and what it has made so far.
-
-    Parameters
-    ----------
-    options, size : Any
-        Of the configuration, and of the profile in use.
-    out, root, seed, backend, address, device, log, progress
-        As in `Study.run`.
-    title : str
-        Where the numbers come from; set by the step that reads data.
-    missing : tuple of str
-        What was left out since its data are not at hand; set by that step, too.
-    computed, finished : int
-        Jobs that ran now, and all jobs.
-    """
+    """A study at work: what it was asked for, as in `Study.run`, and what it has made so far."""
 
     study: Study
     profile: str
     options: Any
-    size: Any
+    size: Any  # of the profile
     out: Path
     root: Path | None
     seed: int
@@ -248,10 +177,10 @@ class Work:
     device: str
     log: Run
     progress: Progress
-    title: str
+    title: str  # where the numbers come from; set by the step that reads data
     config: Path
-    missing: tuple[str, ...] = ()
-    computed: int = 0
+    missing: tuple[str, ...] = ()  # what was left out since its data are not at hand; set by that step, too
+    computed: int = 0  # jobs that ran now; finished: all jobs
     finished: int = 0
     tables: dict[str, pd.DataFrame] = field(default_factory=dict)
     _made: dict[str, Any] = field(default_factory=dict)
@@ -263,24 +192,13 @@ class Work:
         self._made[step] = made
 
     def sweep(
-        self,
-        function: Callable[..., Any],
-        jobs: Iterable[Any],
-        inputs: Inputs | None = None,
-        words: Callable[[Any], str] | None = None,
-        what: str = "jobs",
-        *,
-        data: Mapping[str, str] | None = None,
+        self, function: Callable[..., Any], jobs: Iterable[Any], inputs: Inputs | None = None,
+        words: Callable[[Any], str] | None = None, what: str = "jobs", *, data: Mapping[str, str] | None = None,
         backend: str | None = None,
-    ) -> list[Result[Any]]:
+    ) -> list[Result[Any]]:  # fmt: skip
         """Run jobs, reusing finished ones; for steps that run several sets of jobs. See `Step` for the parameters.
 
-        Parameters
-        ----------
-        data : mapping, optional
-            Further digests that results depend on.
-        backend : str, optional
-            In place of the run's own.
+        `data` are further digests that results depend on; `backend` takes the place of the run's own.
         """
         given, asked, done = dict(inputs or {}), list(jobs), 0
 
@@ -319,15 +237,24 @@ class Work:
             yield f"{self.study.name}: {self.finished} jobs, {self.computed} of them run now"
 
 
+def as_table(rows: Callable[P, Rows]) -> Callable[P, pd.DataFrame]:
+    """Make a function that yields the rows of a table one that returns the table."""
+
+    @functools.wraps(rows)
+    def table(*given: P.args, **more: P.kwargs) -> pd.DataFrame:
+        import pandas as pd
+
+        return pd.DataFrame(list(rows(*given, **more)))
+
+    return table
+
+
 def rows_of(table: pd.DataFrame) -> list[dict[str, Any]]:
     return [{str(name): value for name, value in row.items()} for row in table.to_dict("records")]
 
 
 def load_study(name: str) -> Study:
-    """The study of a folder, by the dotted name of its package.
-
-    Raises `TwingapError` when there is none.
-    """
+    """The study of a folder, by the dotted name of its package."""
     try:
         found = importlib.import_module(f"{name}.study").STUDY
     except ModuleNotFoundError as error:

@@ -29,17 +29,10 @@ def digest_of_imports(module: str) -> str:
 
 @functools.cache
 def closure(module: str) -> dict[str, Path]:
-    """Files of a module and of all modules in its packages that it imports, directly or not.
+    """Files of a module and of all modules in its packages that it imports, directly or not: dotted name -> source
+    file.
 
-    Parameters
-    ----------
-    module : str
-        Dotted name, importable. The packages that hold it are not followed: they declare studies.
-
-    Returns
-    -------
-    dict
-        Dotted name -> source file, sorted by name.
+    Sorted by name. The packages that hold the module are not followed: they declare studies.
     """
     home = HOME | {module.partition(".")[0]}
     found: dict[str, Path] = {}

@@ -12,23 +12,16 @@ from twingap.track import Run
 
 
 def log_method(
-    log: Run,
-    settings: Mapping[str, str],
-    trainings: Sequence[Result[Any]],
-    metric: str,
-    values: Sequence[float],
+    log: Run, settings: Mapping[str, str], trainings: Sequence[Result[Any]], metric: str, values: Sequence[float],
     log_training: Callable[[Run, Result[Any]], None],
-) -> None:
-    """Log a method on a task, and each of its trainings, shown with the time that it took.
+) -> None:  # fmt: skip
+    """Log a method on a task into the task's run, and each of its trainings, one a seed, shown with the time that it
+    took.
 
     Parameters
     ----------
-    log : Run
-        Of the task.
     settings : mapping
         What names the method, in words; parameters of all runs.
-    trainings : sequence of Result
-        One a seed.
     values : sequence of float
         Of that metric, one a training; their mean and deviation are logged.
     log_training : callable
@@ -49,12 +42,8 @@ def log_method(
 def log_checkpoints(log: Run, value: Mapping[str, Any], names: Mapping[str, str]) -> None:
     """Log curves over checkpoints: every label-free criterion, and of a training's `value` what `names` lists.
 
-    Parameters
-    ----------
-    value : mapping
-        Of a training: ``steps`` [checkpoints], ``criteria`` (name -> [checkpoints]), and others [checkpoints].
-    names : mapping
-        Metric -> entry of `value`.
+    A value has ``steps`` [checkpoints], ``criteria`` (name -> [checkpoints]), and other entries [checkpoints]; `names`
+    are metric -> entry.
     """
     for place, at in enumerate(value["steps"]):
         curves = {f"criterion {name}": scores[place] for name, scores in value["criteria"].items()}

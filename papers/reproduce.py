@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from papers.framework import Progress, Work, load_study
-from twingap.errors import TwingapError
+from twingap import TwingapError
 from twingap.track import NullTracker, Tracker
 
 FOLDERS: Final = {
@@ -56,22 +56,12 @@ PAPERS: Final[Mapping[str, Mapping[str, tuple[str, ...]]]] = {
 
 @dataclass(frozen=True)
 class Outcome:
-    """A paper's results.
+    """A paper's results."""
 
-    Parameters
-    ----------
-    works : dict of str to Work
-        By name of the study.
-    missing : tuple of str
-        Studies whose data are not at hand.
-    run_id : str or None
-        Of the tracker's run.
-    """
-
-    works: dict[str, Work]
-    missing: tuple[str, ...]
+    works: dict[str, Work]  # by name of the study
+    missing: tuple[str, ...]  # studies whose data are not at hand
     out: Path
-    run_id: str | None
+    run_id: str | None  # of the tracker's run
 
     @property
     def rows(self) -> list[dict[str, Any]]:
@@ -86,28 +76,18 @@ class Outcome:
 
 
 def run(
-    paper: str,
-    profile: str = "smoke",
-    *,
-    out: Path,
-    tracker: Tracker | None = None,
-    root: Path | None = None,
-    seed: int = 0,
-    backend: str = "loky",
-    address: str | None = None,
-    progress: Progress = lambda what, done, total: None,
-    draw: bool = True,
-    only: Collection[str] | None = None,
-) -> Outcome:
+    paper: str, profile: str = "smoke", *, out: Path, tracker: Tracker | None = None, root: Path | None = None,
+    seed: int = 0, backend: str = "loky", address: str | None = None,
+    progress: Progress = lambda what, done, total: None, draw: bool = True, only: Collection[str] | None = None,
+) -> Outcome:  # fmt: skip
     """Run a paper's studies; what an interrupted run has finished is taken up again.
 
     Raises `TwingapError` for a profile, study, backend, data root or folder that cannot be used.
 
     Parameters
     ----------
-    paper : {"paper1", "paper2", "paper3"}
-    profile : {"smoke", "full"}
-        Each study's own configuration says what that is.
+    paper, profile : {"paper1", "paper2", "paper3"}, {"smoke", "full"}
+        Each study's own configuration says what a profile is.
     out, root, seed, backend, address, progress, draw
         See `papers.framework.Study.run`.
     tracker : Tracker or None
@@ -144,10 +124,7 @@ def run(
 def full_name(name: str) -> tuple[str, str]:
     """Paper that a study belongs to ("" for none), and the dotted name of its package.
 
-    Parameters
-    ----------
-    name : str
-        ``paper2.dynamics``, ``extra.lines``, or a package's own name.
+    `name` is ``paper2.dynamics``, ``extra.lines``, or a package's own name.
     """
     first, _, rest = name.partition(".")
     package = f"{FOLDERS[first]}.{rest}" if first in FOLDERS else name

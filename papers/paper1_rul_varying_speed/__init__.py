@@ -5,5 +5,5 @@ healthy rows --> S(k) --> anomaly --> D(k) --> simulated lives, labelled --+
 rows after the anomaly, no labels -----------------------------------------+
 
 Used in: Simulation-based remaining useful life prediction of rolling element bearings under varying operating
-conditions. Every equation is in `twingap.prognosis`; here is only what is this paper's own.
+conditions. Equations of general use are in `twingap.prognosis`, the paper's own in `methods/`.
 """

@@ -7,33 +7,24 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from papers.arrays import Array
 from papers.paper1_rul_varying_speed.lives.options import TargetOptions
-from papers.paper1_rul_varying_speed.methods.adaptive_twin import (
-    Adaptation,
-    AdaptiveTwin,
-    NoLifeError,
-    adapt_when_possible,
-    read_mode,
-)
+from papers.paper1_rul_varying_speed.methods import adaptive_twin
+from papers.paper1_rul_varying_speed.methods.adaptive_twin import Adaptation, AdaptiveTwin, NoLifeError
 from papers.paper1_rul_varying_speed.methods.degradation import end_row
 from papers.paper1_rul_varying_speed.methods.remaining_life import remaining_revolutions, remaining_time_s
 from papers.paper1_rul_varying_speed.methods.run import Run, read_run
 from papers.paper1_rul_varying_speed.methods.simulated_lives import Snapshots, measured_snapshots
-from twingap import data
-from twingap.bearing import Bearing
-from twingap.errors import TwingapError
+from twingap import Bearing, RecordSet, TwingapError, data
 from twingap.prognosis import normalised_peak_to_peak
-from twingap.records import RecordSet
 from twingap.rigs import SmartMaintenanceRig, stored_records, truth
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -42,7 +33,6 @@ class Target:
 
     records: RecordSet  # all runs; group = bearing
     title: str  # "Smart Maintenance", or "virtual Smart Maintenance rig (surrogate)"
-    real: bool
     onsets_s: dict[str, float]  # when damage really began, where that is known: of the rig
 
 
@@ -103,12 +93,10 @@ class Case:
     @cached_property
     def digest(self) -> str:
         """Hex sha256 of run and judged records, in steps of 1e-6, so that no processor's last bit matters."""
-        whole = hashlib.sha256(
-            repr((self.name, self.known.fs_hz, self.known.fault, self.judged.samples.shape)).encode()
-        )
-        for column in (self.run.time_s, self.run.speed_rpm, self.run.peak_to_peak):
-            whole.update(np.round(column * 1e6).astype("<i8").tobytes())
-        whole.update(np.round(self.judged.samples * 1e6).astype("<i8").tobytes())
+        about = (self.name, self.known.fs_hz, self.known.fault, self.judged.samples.shape)
+        whole = hashlib.sha256(repr(about).encode())
+        for part in (self.run.time_s, self.run.speed_rpm, self.run.peak_to_peak, self.judged.samples):
+            whole.update(np.round(part * 1e6).astype("<i8").tobytes())
         return whole.hexdigest()
 
     def mean_of_lives(self) -> Array:
@@ -123,24 +111,13 @@ class Case:
 
 
 def load_target(
-    options: TargetOptions,
-    root: Path | None,
-    bearings: Sequence[str],
+    options: TargetOptions, root: Path | None, bearings: Sequence[str],
     progress: Callable[[str, float], None] = lambda what, fraction: None,
-) -> Target:
-    """The real runs when they are at hand, else the virtual rig's.
+) -> Target:  # fmt: skip
+    """The real runs when they are at hand, else the virtual rig's; `progress` is told what is made, and its fraction.
 
-    Raises `TwingapError` when `root` is given and does not hold what is needed: who names data wants those used.
-    Without it when runs are at hand and are not all there, or cannot be read.
-
-    Parameters
-    ----------
-    root : Path or None
-        Data root; TWINGAP_DATA when None.
-    bearings : sequence of str
-        Which runs.
-    progress : callable (what, fraction)
-        Called while the rig's records are made.
+    Raises `TwingapError` when `root` is given and does not hold what is needed (who names data wants those used), or
+    runs are at hand and are not all there.
     """
     try:
         records = data.load(options.data_set, root)
@@ -148,26 +125,18 @@ def load_target(
         if root is not None:
             raise
     else:
-        missing = [b for b in bearings if b not in records.groups]
-        if missing:
+        if missing := [b for b in bearings if b not in records.groups]:
             raise TwingapError(f"holds no run of {', '.join(missing)}", where=f"data set {records.name}")
-        return Target(records, "Smart Maintenance", real=True, onsets_s={})
-    rig = SmartMaintenanceRig(
-        interval_s=options.interval_s, profile=options.profile, bearings=tuple(bearings)
-    )  # fmt: skip
+        return Target(records, "Smart Maintenance", {})
+    rig = SmartMaintenanceRig(interval_s=options.interval_s, profile=options.profile, bearings=tuple(bearings))
     records = stored_records(rig, options.surrogate_seed, progress=progress)
     onsets_s = {name: own.onset_s for name, own in truth(rig, options.surrogate_seed).items()}
-    return Target(records, rig.title, real=False, onsets_s=onsets_s)
+    return Target(records, rig.title, onsets_s)
 
 
 def read_case(target: Target, name: str, options: TargetOptions, adaptation: Adaptation) -> Case:
-    """Read one run.
-
-    Raises `TwingapError` when nothing can be predicted of the run, or it does not reach the end of life.
-    """
+    """Read one run; raises `TwingapError` when nothing can be predicted of it, or it does not reach the end of life."""
     records = target.records.select(lambda c: c.group == name)
-    if records.bearing is None:
-        raise TwingapError("brings no bearing geometry", where=f"record set {records.name!r}")
     run = read_run(records)
     twin, waited = adapted(records, run, name, adaptation)
     # From here on the end of the run is looked at: for labels that only the judge gets.
@@ -175,19 +144,19 @@ def read_case(target: Target, name: str, options: TargetOptions, adaptation: Ada
     if beyond is None:
         raise TwingapError(f"never reaches {adaptation.limit:g}", where=f"run {name}", mend="lower adaptation.limit")
     end = twin.onset_row + beyond
-    healthy = run.rows_in(adaptation.reference_min)
-    read = Reading(name, options.fault, options.window_samples, healthy, target.onsets_s.get(name), waited)
-    return case_of(records, run, twin, end, read)
+    return case_of(
+        records, run, twin, end, waited, name=name, fault=options.fault, n_samples=options.window_samples,
+        healthy_rows=run.rows_in(adaptation.reference_min), onset_s=target.onsets_s.get(name),
+    )  # fmt: skip
 
 
 def adapted(records: RecordSet, run: Run, name: str, adaptation: Adaptation) -> tuple[AdaptiveTwin, tuple[str, ...]]:
-    """The twin at the first moment at which it can be had, and why not earlier.
-
-    Raises `TwingapError` when nothing can be predicted of the run; with its name.
-    """
+    """The twin at the first moment at which it can be had, and why not earlier; errors name the run."""
     waited: list[str] = []
     try:
-        twin = adapt_when_possible(run, read_mode(records, run, adaptation), adaptation, waited.append)
+        twin = adaptive_twin.adapt_when_possible(
+            run, adaptive_twin.read_mode(records, run, adaptation), adaptation, waited.append
+        )
     except TwingapError as error:
         place = f"run {name}" if error.where in (None, "run") else f"run {name}, {error.where}"
         kind = NoLifeError if isinstance(error, NoLifeError) else TwingapError
@@ -195,28 +164,20 @@ def adapted(records: RecordSet, run: Run, name: str, adaptation: Adaptation) -> 
     return twin, tuple(waited)
 
 
-@dataclass(frozen=True)
-class Reading:
-    """How the records of a run are cut."""
+def case_of(
+    records: RecordSet, run: Run, twin: AdaptiveTwin, end: int, waited: tuple[str, ...], *, name: str, fault: str,
+    n_samples: int, healthy_rows: int, onset_s: float | None = None,
+) -> Case:  # fmt: skip
+    """Records up to now for the training, unlabelled; those to the end, with labels, for the judge alone.
 
-    name: str  # of the bearing
-    fault: str
-    n_samples: int  # from the beginning of each record
-    healthy_rows: int
-    onset_s: float | None  # when damage really began, where that is known
-    waited: tuple[str, ...]
-
-
-def case_of(records: RecordSet, run: Run, twin: AdaptiveTwin, end: int, read: Reading) -> Case:
-    """Records up to now for the training, unlabelled; those to the end, with labels, for the judge alone."""
-    assert records.bearing is not None
-    onset, first = twin.onset_row, records.conditions[0]
-    judged = measured_snapshots(records, onset, range(onset + 1, end + 1), read.n_samples)
+    Of each record the first `n_samples` are taken.
+    """
+    if records.bearing is None:
+        raise TwingapError("brings no bearing geometry", where=f"record set {records.name!r}")
+    onset, fs_hz = twin.onset_row, records.conditions[0].fs_hz
+    judged = measured_snapshots(records, onset, range(onset + 1, end + 1), n_samples)
     left = remaining_revolutions(run.speed_rpm[onset : end + 1], run.dt_s)[1:]
     seen = judged.take(judged.position <= twin.now_row - onset)
-    healthy = measured_snapshots(records, onset, range(read.healthy_rows), read.n_samples)
-    known = Known(
-        read.name, records.bearing, read.fault, first.fs_hz, records.unit, run.dt_s, twin, healthy, seen
-    )  # fmt: skip
-    labelled = Snapshots(judged.samples, judged.speed_rpm, judged.position, judged.life, left)
-    return Case(known, run.until(end), labelled, read.onset_s, read.waited)
+    healthy = measured_snapshots(records, onset, range(healthy_rows), n_samples)
+    known = Known(name, records.bearing, fault, fs_hz, records.unit, run.dt_s, twin, healthy, seen)
+    return Case(known, run.until(end), replace(judged, revolutions=left), onset_s, waited)

@@ -11,25 +11,19 @@ from typing import Any
 
 import numpy as np
 
+from papers.arrays import Array
 from papers.embedding import embed
 from papers.paper1_rul_varying_speed.cases import Case, Known
 from papers.paper1_rul_varying_speed.lives.options import Options
+from papers.paper1_rul_varying_speed.methods import training as learning
 from papers.paper1_rul_varying_speed.methods.architecture import LifeArchitecture
 from papers.paper1_rul_varying_speed.methods.degradation import Trajectory
 from papers.paper1_rul_varying_speed.methods.metrics import rmse
 from papers.paper1_rul_varying_speed.methods.simulated_lives import LifeSimulator, SignalModel, Snapshots, joined
-from papers.paper1_rul_varying_speed.methods.training import (
-    CRITERIA,
-    LifeTraining,
-    TrainedLife,
-    choose,
-    judge_checkpoints,
-    scales_of,
-    train_life,
-)
+from twingap import Condition, Record
 from twingap.effects import apply_to_waveform, make_effect
-from twingap.records import Condition, Record
 from twingap.streams import Streams
+from twingap.sweep import Result
 
 
 @dataclass(frozen=True)
@@ -47,7 +41,7 @@ class Job:
     model: str
     architecture: LifeArchitecture  # the model's
     seed: int  # of simulated records, weights and order
-    training: LifeTraining
+    training: learning.LifeTraining
     signal: SignalModel
     copies: int  # records simulated per row of a life
     most_records: int  # simulated records in all
@@ -75,10 +69,7 @@ _held: dict[str, tuple[Snapshots, Snapshots]] = {}
 def simulate(job: Job, known: Known, digest: str = "") -> tuple[Snapshots, Snapshots]:
     """Labelled records of lives, for training and held out; the same for all models of a seed.
 
-    Parameters
-    ----------
-    digest : str
-        Of the run; with it the records may be taken from those made last.
+    With the digest of the run they may be taken from those made last.
     """
     rates = tuple(life.rate for life in (*known.twin.lives, *known.twin.held_out))
     key = repr((digest, known.name, rates, job.seed, job.signal, job.copies, job.most_records, job.added))
@@ -113,11 +104,11 @@ def altered(made: Snapshots, added: Added, known: Known, seed: int) -> Snapshots
     return replace(made, samples=samples)
 
 
-def fit(job: Job, known: Known, digest: str = "") -> tuple[TrainedLife, Snapshots]:
+def fit(job: Job, known: Known, digest: str = "") -> tuple[learning.TrainedLife, Snapshots]:
     """Train; also the simulated records held out. Nothing of the run after now can reach here."""
     simulated, held_out = simulate(job, known, digest)
-    scales = scales_of(simulated, known.twin.influence.speeds_rpm)
-    return train_life(simulated, known.real, job.architecture, scales, job.training, job.seed), held_out
+    scales = learning.scales_of(simulated, known.twin.influence.speeds_rpm)
+    return learning.train_life(simulated, known.real, job.architecture, scales, job.training, job.seed), held_out
 
 
 def train_and_judge(job: Job, case: Case) -> dict[str, Any]:
@@ -132,15 +123,15 @@ def train_and_judge(job: Job, case: Case) -> dict[str, Any]:
         embedding if asked for.
     """
     trained, held_out = fit(job, case.known, case.digest)
-    evidence = judge_checkpoints(trained, held_out, case.known.real, case.known.dt_s)
-    chosen = {name: choose(evidence, name) for name in CRITERIA}
+    evidence = learning.judge_checkpoints(trained, held_out, case.known.real, case.known.dt_s)
+    chosen = {name: learning.choose(evidence, name) for name in learning.CRITERIA}
     place = chosen[job.criterion]
     # Only from here on is the rest of the run looked at.
     shown = case.judged.unlabelled()
     predicted = [trained.predict(shown, k) for k in range(len(trained.checkpoints))]
     result: dict[str, Any] = {
         "revolutions": predicted[place],
-        "criteria": {name: [rule(e) for e in evidence] for name, rule in CRITERIA.items()}, "chosen": chosen,
+        "criteria": {name: [rule(e) for e in evidence] for name, rule in learning.CRITERIA.items()}, "chosen": chosen,
         "place": place, "rmse_min": [rmse(case.true_min, case.minutes(p)) for p in predicted],
         "steps": [c.step for c in trained.checkpoints], "loss": [c.loss for c in trained.checkpoints],
         "domain_accuracy": [None if np.isnan(c.domain_accuracy) else c.domain_accuracy for c in trained.checkpoints],
@@ -149,3 +140,23 @@ def train_and_judge(job: Job, case: Case) -> dict[str, Any]:
     if job.embedded:
         result["embedding"] = embed(trained.embed(shown, place), job.seed)
     return result
+
+
+@dataclass(frozen=True)
+class CaseResult:
+    """Results of one run to failure."""
+
+    case: Case
+    variant: str  # of the twin
+    trainings: list[Result[Job]]  # in the order seed, model
+
+    def of(self, model: str) -> list[Result[Job]]:
+        return [t for t in self.trainings if t.job.model == model]
+
+    @property
+    def models(self) -> list[str]:
+        return list(dict.fromkeys(t.job.model for t in self.trainings))
+
+    def predicted_min(self, trained: Result[Job]) -> Array:
+        """Remaining time at the present speed [judged rows], min, by the chosen checkpoint."""
+        return self.case.minutes(np.asarray(trained.value["revolutions"], float))

@@ -17,21 +17,9 @@ from numpy.typing import NDArray
 
 from papers.paper3_zoa_dann.inputs.options import IdentificationOptions, SourceOptions
 from papers.paper3_zoa_dann.source import Recipe, identify, simulate
-from twingap.adapt import (
-    CRITERIA,
-    Evidence,
-    Method,
-    Trained,
-    Training,
-    Windows,
-    inputs,
-    outputs,
-    score,
-    select,
-    split_by_group,
-    train,
-)
-from twingap.bearing import Bearing
+from twingap import Bearing
+from twingap import adapt as adaptation
+from twingap.adapt import CRITERIA, Evidence, Method, Trained, Training, Windows, inputs, outputs, score
 
 if TYPE_CHECKING:
     from papers.framework import Work
@@ -66,10 +54,10 @@ class Measured:
 def fit(job: Job, adapt: Windows) -> tuple[Trained, Windows]:
     """Train; also the simulated windows held out for validation. Target labels cannot reach here."""
     rng = np.random.default_rng([job.seed, 2])
-    fitted, held = split_by_group(simulate(job.recipe), job.held_out, rng)
+    fitted, held = adaptation.split_by_group(simulate(job.recipe), job.held_out, rng)
     assert fitted.labels is not None
-    x, x_adapt = inputs(fitted, job.view), inputs(adapt.unlabelled(), job.view)
-    return train(x, fitted.labels, x_adapt, job.method, job.training, job.seed, len(job.recipe.classes)), held
+    x, x_adapt, n_classes = inputs(fitted, job.view), inputs(adapt.unlabelled(), job.view), len(job.recipe.classes)
+    return adaptation.train(x, fitted.labels, x_adapt, job.method, job.training, job.seed, n_classes), held
 
 
 def train_and_judge(job: Job, measured: Measured) -> dict[str, Any]:
@@ -88,7 +76,7 @@ def train_and_judge(job: Job, measured: Measured) -> dict[str, Any]:
     nets = [trained.network(place) for place in range(len(trained.checkpoints))]
     evidence = [Evidence(outputs(net, x_held), held.labels, outputs(net, x_adapt)) for net in nets]
     criteria = {name: [rule(e) for e in evidence] for name, rule in CRITERIA.items()}
-    chosen = {name: select(evidence, name) for name in CRITERIA}
+    chosen = {name: adaptation.select(evidence, name) for name in CRITERIA}
     place = chosen[job.criterion]
     # Only from here on are target labels looked at.
     labels = measured.evaluate.labels
@@ -96,7 +84,7 @@ def train_and_judge(job: Job, measured: Measured) -> dict[str, Any]:
     x_evaluate = inputs(measured.evaluate, job.view)
     judged = [outputs(net, x_evaluate) for net in nets]
     scores = [score(o.probabilities, labels, measured.evaluate.group) for o in judged]
-    result: dict[str, Any] = {
+    return {
         "criteria": criteria, "chosen": chosen, "place": place, "accuracy": [s.accuracy for s in scores],
         "balanced_accuracy": [s.balanced_accuracy for s in scores], "confusion": scores[place].confusion,
         "recordings_right": scores[place].recordings_right, "recordings": scores[place].recordings,
@@ -106,7 +94,6 @@ def train_and_judge(job: Job, measured: Measured) -> dict[str, Any]:
         "domain_accuracy": [None if np.isnan(c.domain_accuracy) else c.domain_accuracy for c in trained.checkpoints],
         "device": trained.device,
     }  # fmt: skip
-    return result
 
 
 def spread(n: int, wanted: int) -> NDArray[np.int64]:

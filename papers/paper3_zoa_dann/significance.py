@@ -19,26 +19,16 @@ STEP: Final = 1e-4
 
 
 def sign_flip(differences: Sequence[float] | NDArray[np.float64], step: float = STEP) -> float:
-    """Two-sided p that differences are symmetric about zero, from all 2^n sign flips of their sum.
+    """Two-sided p that differences [pairs] are symmetric about zero, from all 2^n sign flips of their sum; 1 without
+    any.
 
     If two methods were alike, each paired difference would have had the other sign as often (Fisher 1935). The
-    distribution over all flips is exact for any number of pairs: it is built up pair by pair, as the number of ways
-    to reach each sum. Pairs that share recordings are not independent as samples of machines: p speaks of the
-    randomness of training on these recordings.
-
-    Parameters
-    ----------
-    differences : Array [pairs]
-    step : float
-        Unit in which they are counted.
-
-    Returns
-    -------
-    float
-        1 when all are zero or there are none.
+    distribution over all flips is exact for any number of pairs: it is built up pair by pair, as the number of ways to
+    reach each sum, counted in units of `step`. Pairs that share recordings are not independent as samples of machines:
+    p speaks of the randomness of training on these recordings.
     """
-    counted = np.abs(np.rint(np.asarray(differences, dtype=np.float64) / step)).astype(np.int64)
-    observed = abs(int(np.rint(np.asarray(differences, dtype=np.float64) / step).sum()))
+    signed = np.rint(np.asarray(differences, dtype=np.float64) / step)
+    observed, counted = abs(int(signed.sum())), np.abs(signed).astype(np.int64)
     counted = counted[counted > 0]
     if not counted.size:
         return 1.0
@@ -72,13 +62,7 @@ def corrected(rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
 
 
 def holm(p_values: Sequence[float]) -> list[float]:
-    """P values corrected for their number by Holm's step-down (1979): the chance of any false find stays below each.
-
-    Returns
-    -------
-    list[float]
-        In the same order, at most 1.
-    """
+    """P values corrected for their number by Holm's step-down (1979): the chance of any false find stays below each."""
     order = np.argsort(p_values, kind="stable")
     corrected = np.empty(len(p_values))
     highest = 0.0

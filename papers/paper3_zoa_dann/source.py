@@ -12,6 +12,7 @@ contact twin to records whose states are known, which these are not.)
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -19,21 +20,18 @@ from functools import lru_cache
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import qmc
 
+from papers.arrays import Array
 from papers.paper3_zoa_dann.inputs.options import IdentificationOptions, SourceOptions
+from twingap import Bearing, Condition, RecordSet, TwingapError
 from twingap.adapt import Windows, cut, joined
-from twingap.bearing import Bearing
 from twingap.effects import Effect, SecondResonance, catalogue, make_effect
-from twingap.errors import TwingapError
-from twingap.records import Condition, RecordSet
 from twingap.signal.spectrum import averaged_spectrum
 from twingap.streams import Streams, root_entropy
 from twingap.twins.contact import ContactTwin, make_each
 from twingap.twins.contact_parameters import DEFECTS, PRESETS, ContactParameters, sink_depth_um
 
-Array = NDArray[np.float64]
 FREE = ("stiffness", "damping", "white_share")
 """What is identified, all on a log scale: K, c, and the white part of the noise's power (the rest rings along)."""
 
@@ -50,26 +48,13 @@ def mean_log_spectrum(windows: Windows, segment_samples: int) -> Array:
 
 
 def identify(
-    measured: Windows,
-    bearing: Bearing,
-    classes: Sequence[str],
-    source: SourceOptions,
-    options: IdentificationOptions,
-    evaluations: int,
-) -> dict[str, float]:
-    """The contact twin's free parameters from unlabelled windows.
+    measured: Windows, bearing: Bearing, classes: Sequence[str], source: SourceOptions,
+    options: IdentificationOptions, evaluations: int,
+) -> dict[str, float]:  # fmt: skip
+    """The contact twin's free parameters from windows whose labels are not read; all classes are simulated alike.
 
-    Half of the evaluations go to a quasi-random (Sobol) sample of the box, the rest to ever smaller steps around the
-    best so far.
-
-    Parameters
-    ----------
-    measured : Windows
-        Labels are not read.
-    classes : sequence of str
-        Simulated in equal parts.
-    evaluations : int
-        Of the objective; 0 gives the preset's values.
+    Half of the evaluations of the objective go to a quasi-random (Sobol) sample of the box, the rest to ever smaller
+    steps around the best so far; 0 gives the preset's values.
 
     Returns
     -------
@@ -86,11 +71,9 @@ def identify(
     def distance(values: Mapping[str, float]) -> float:
         own = dataclasses.replace(preset, stiffness=values["stiffness"], damping=values["damping"])
         virtual = [VirtualBearing(own, (), fault, middle_snr_db, preset.load_n) for fault in classes]
+        numbers = range(options.records_per_class)
         conditions = [
-            [
-                Condition(f"{fault}-{i}", speed_rpm, fs_hz, length, fault, preset.load_n)
-                for i in range(options.records_per_class)
-            ]
+            [Condition(f"{fault}-{i}", speed_rpm, fs_hz, length, fault, preset.load_n) for i in numbers]
             for fault in classes
         ]
         roots = [root_entropy(np.random.default_rng(0))] * len(classes)
@@ -145,18 +128,11 @@ class Recipe:
     def twin_toml(self) -> str:
         """The identified twin as a twin file; the white share is in a comment, since noise levels are drawn."""
         effects = ", ".join(f'"{name}"' for name in self.options.effects)
-        lines = [
-            f"# white part of the noise's power: {self.white_share!r}",
-            "[twin]",
-            'model = "contact"',
-            f'preset = "{self.options.preset}"',
-            f"effects = [{effects}]",
-            "",
-            "[parameters]",
-            f"stiffness = {self.stiffness!r}",
-            f"damping = {self.damping!r}",
-        ]
-        return "\n".join(lines) + "\n"
+        return (
+            f"# white part of the noise's power: {self.white_share!r}\n"
+            f'[twin]\nmodel = "contact"\npreset = "{self.options.preset}"\neffects = [{effects}]\n\n'
+            f"[parameters]\nstiffness = {self.stiffness!r}\ndamping = {self.damping!r}\n"
+        )
 
 
 @dataclass(frozen=True)
@@ -184,13 +160,11 @@ def simulate(recipe: Recipe) -> Windows:
             own = np.random.default_rng([recipe.seed, 61, recipe.classes.index(fault), number])
             drawn = tuple(drawn_effect(name, recipe.fs_hz, own) for name in recipe.closed if own.random() < 0.5)
             virtual.append(dataclasses.replace(one, drawn=drawn))
-            conditions.append([])
+            group, made = f"{fault}-{number}", []
             for i in range(recipe.records_per_bearing):
-                speed = rng.choice(recipe.speeds_rpm) * (1 + source.speed_spread * rng.uniform(-1, 1))
-                group = f"{fault}-{number}"
-                conditions[-1].append(
-                    Condition(f"{group}-{i}", float(speed), recipe.fs_hz, length, fault, one.load_n, group=group)
-                )
+                speed = float(rng.choice(recipe.speeds_rpm) * (1 + source.speed_spread * rng.uniform(-1, 1)))
+                made.append(Condition(f"{group}-{i}", speed, recipe.fs_hz, length, fault, one.load_n, group=group))
+            conditions.append(made)
             roots.append(root_entropy(rng))
     return joined(
         cut(made, recipe.window_samples, source.windows_per_record, recipe.classes)
@@ -206,28 +180,23 @@ def _virtual_bearing(recipe: Recipe, fault: str, rng: np.random.Generator) -> Vi
     depth_um = sink_um * _uniform(source.depth_share, rng)
     spread = np.exp(source.parameter_spread * rng.standard_normal(3))
     load_n, snr_db = _uniform(source.load_n, rng), _uniform(source.snr_db, rng)
-    resonance = SecondResonance(
-        _log_uniform(source.resonance_hz, rng),
-        _log_uniform(source.resonance_damping, rng),
-        _log_uniform(source.resonance_gain, rng),
-    )
+    drawn = (source.resonance_hz, source.resonance_damping, source.resonance_gain)
+    hz, damping, gain = (_log_uniform(bounds, rng) for bounds in drawn)
     own = dataclasses.replace(
         preset, stiffness=recipe.stiffness * float(spread[0]), damping=recipe.damping * float(spread[1]),
         mass_kg=preset.mass_kg * float(spread[2]), load_n=load_n, clearance_um=_uniform(source.clearance_um, rng),
         defect_width_mm=width_mm, defect_depth_um=dict.fromkeys(DEFECTS, depth_um),
     )  # fmt: skip
-    return VirtualBearing(own, (resonance,), fault, snr_db, load_n)
+    return VirtualBearing(own, (SecondResonance(hz, damping, gain),), fault, snr_db, load_n)
 
 
 def drawn_effect(name: str, fs_hz: float, rng: np.random.Generator) -> Effect:
     """An effect with parameters from all that is plausible, frequencies no higher than 0.45 of the sampling rate."""
-    for attempt in range(_TRIES):
-        try:
+    for _ in range(_TRIES - 1):
+        # A band whose lower edge lies above its upper one is drawn again.
+        with contextlib.suppress(TwingapError):
             return make_effect(name, _drawn_values(name, fs_hz, rng), "closed")
-        except TwingapError:  # a band whose lower edge lies above its upper one: drawn again
-            if attempt == _TRIES - 1:
-                raise
-    raise AssertionError("at least one attempt")
+    return make_effect(name, _drawn_values(name, fs_hz, rng), "closed")
 
 
 def _drawn_values(name: str, fs_hz: float, rng: np.random.Generator) -> dict[str, float | bool]:
@@ -253,13 +222,9 @@ AT_ONCE: Final = 64
 
 
 def _records(
-    virtual: Sequence[VirtualBearing],
-    conditions: Sequence[Sequence[Condition]],
-    roots: Sequence[int],
-    bearing: Bearing,
-    source: SourceOptions,
-    white_share: float,
-) -> Iterator[RecordSet]:
+    virtual: Sequence[VirtualBearing], conditions: Sequence[Sequence[Condition]], roots: Sequence[int],
+    bearing: Bearing, source: SourceOptions, white_share: float,
+) -> Iterator[RecordSet]:  # fmt: skip
     """Records of each bearing under its conditions, with its noise; roots are those of its random streams."""
     for begin in range(0, len(virtual), AT_ONCE):
         some = slice(begin, begin + AT_ONCE)
@@ -272,16 +237,12 @@ def _records(
 
 
 def _with_noise(
-    virtual: Sequence[VirtualBearing],
-    bearing: Bearing,
-    source: SourceOptions,
-    white_share: float,
+    virtual: Sequence[VirtualBearing], bearing: Bearing, source: SourceOptions, white_share: float,
     conditions: Sequence[Sequence[Condition]],
-) -> list[ContactTwin]:
+) -> list[ContactTwin]:  # fmt: skip
     """Twins whose noise lies as far below the vibration of their faults as was drawn for each."""
     chain = tuple(make_effect(name) for name in source.effects)
-    quiet = []
-    pilots = []
+    quiet, pilots = [], []
     for one, own in zip(virtual, conditions, strict=True):
         silent = dataclasses.replace(one.parameters, structure_noise_rms=0.0, white_noise_rms=0.0)
         quiet.append(ContactTwin(bearing, silent, (*chain, *one.path)))
@@ -291,11 +252,8 @@ def _with_noise(
     twins = []
     for one, (record,) in zip(virtual, make_each(quiet, pilots, streams), strict=True):
         noise = float(np.std(record.samples)) * 10 ** (-one.snr_db / 20)
-        noisy = dataclasses.replace(
-            one.parameters,
-            structure_noise_rms=noise * float(np.sqrt(1 - white_share)),
-            white_noise_rms=noise * float(np.sqrt(white_share)),
-        )
+        structure, white = (noise * float(np.sqrt(share)) for share in (1 - white_share, white_share))
+        noisy = dataclasses.replace(one.parameters, structure_noise_rms=structure, white_noise_rms=white)
         twins.append(ContactTwin(bearing, noisy, (*chain, *one.path, *one.drawn)))
     return twins
 

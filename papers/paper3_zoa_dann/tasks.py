@@ -10,9 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from papers.paper3_zoa_dann.inputs.options import TargetOptions
-from twingap import data
-from twingap.errors import TwingapError
-from twingap.records import Condition, RecordSet
+from twingap import Condition, RecordSet, TwingapError, data
 from twingap.rigs import make_rig
 
 
@@ -20,15 +18,11 @@ from twingap.rigs import make_rig
 class Target:
     records: RecordSet  # recordings at the loads in question, labelled
     title: str  # what stands beside every number: "CWRU", or "virtual rig, not CWRU"
-    real: bool
 
 
 @dataclass(frozen=True)
 class Task:
-    """One question put to the methods.
-
-    Raises `TwingapError` when a recording is on both sides.
-    """
+    """One question put to the methods; raises `TwingapError` when a recording is on both sides."""
 
     name: str  # as in the configuration
     title: str  # in words
@@ -44,26 +38,18 @@ class Task:
 
 
 def load_target(options: TargetOptions, root: Path | None, rig_duration_s: float) -> Target:
-    """The public records when they are at hand, else the virtual rig.
+    """The public records when they are at hand, else the virtual rig, whose recordings last so long.
 
     Raises `TwingapError` when the records are there in part or cannot be read, or `root` is given and does not hold
     them: who names data wants those used.
-
-    Parameters
-    ----------
-    root : Path or None
-        Data root; TWINGAP_DATA when None.
-    rig_duration_s : float
-        Length of the rig's recordings.
     """
     try:
-        records = _wanted(data.load(options.data_set, root), options)
-        return Target(records, options.data_set.upper(), real=True)
+        return Target(_wanted(data.load(options.data_set, root), options), options.data_set.upper())
     except data.NotAtHandError:
         if root is not None:
             raise
     rig = make_rig(options.surrogate, duration_s=rig_duration_s)
-    return Target(_wanted(rig.records(options.surrogate_seed), options), "virtual rig, not CWRU", real=False)
+    return Target(_wanted(rig.records(options.surrogate_seed), options), "virtual rig, not CWRU")
 
 
 def _wanted(records: RecordSet, options: TargetOptions) -> RecordSet:
@@ -71,31 +57,22 @@ def _wanted(records: RecordSet, options: TargetOptions) -> RecordSet:
     kept = records.select(
         lambda c: c.extra["load_hp"] in options.loads_hp and c.fault in options.classes and c.group == c.name
     )
-    present = {(c.fault, c.extra["load_hp"]) for c in kept.conditions}
-    for hp in options.loads_hp:
-        for fault in options.classes:
-            if (fault, hp) not in present:
-                raise TwingapError(
-                    f"holds no {fault} recording at {hp} hp",
-                    where=f"data set {records.name}",
-                    mend="complete it (`twingap data list` says what is missing), or leave it out altogether",
-                )
+    wanted = {(fault, hp) for hp in options.loads_hp for fault in options.classes}
+    if missing := sorted(wanted - {(c.fault, c.extra["load_hp"]) for c in kept.conditions}):
+        fault, hp = missing[0]
+        raise TwingapError(
+            f"holds no {fault} recording at {hp} hp", where=f"data set {records.name}",
+            mend="complete it (`twingap data list` says what is missing), or leave it out altogether",
+        )  # fmt: skip
     return kept
 
 
 def make_tasks(names: Sequence[str], records: RecordSet) -> list[Task]:
-    """Tasks by name.
+    """Tasks by name, on records with the columns load_hp and fault_size_inch.
 
-    Raises `TwingapError` for a name of another form, or sizes and loads that the records lack.
-
-    Parameters
-    ----------
-    names : sequence of str
-        ``load_A_to_B``: adapt to all recordings at A hp, judge on all at B hp (the same bearings, another load).
-        ``unseen_S_A_to_B``: as well, the defective bearings of size S (inch) are left out of adaptation, and only they
-        and the healthy bearing (there is but one) are judged.
-    records : RecordSet
-        With the columns load_hp and fault_size_inch.
+    ``load_A_to_B``: adapt to all recordings at A hp, judge on all at B hp (the same bearings, another load).
+    ``unseen_S_A_to_B``: as well, the defective bearings of size S (inch) are left out of adaptation, and only they and
+    the healthy bearing (there is but one) are judged. Raises `TwingapError` for a name of another form.
     """
     return [_task(name, records) for name in names]
 

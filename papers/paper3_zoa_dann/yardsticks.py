@@ -13,12 +13,11 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from papers.arrays import Array
+from twingap import Bearing
 from twingap.adapt import Windows
-from twingap.bearing import Bearing
-from twingap.signal.envelope import lines_at, most_impulsive_band, squared_envelope_spectrum
-from twingap.signal.spectrum import Spectrum
+from twingap.signal import Spectrum, lines_at, most_impulsive_band, squared_envelope_spectrum
 
-Array = NDArray[np.float64]
 Read = Literal["whole", "impulsive"]
 HARMONICS = 2
 TOLERANCE = 0.02
@@ -33,7 +32,8 @@ def majority(labels: NDArray[np.int64], n_classes: int) -> float:
 def analyst(
     windows: Windows, bearing: Bearing, classes: tuple[str, ...], false_alarm: float, band: Read = "whole"
 ) -> Array:
-    """The analyst's rule: the fault whose order stands out most in the squared-envelope spectrum, or healthy.
+    """The analyst's rule: the fault whose order stands out most in the squared-envelope spectrum, or healthy [windows,
+    classes], one-hot.
 
     Parameters
     ----------
@@ -45,11 +45,6 @@ def analyst(
     band : {"whole", "impulsive"}
         Demodulate all of each window, or the band of its kurtogram with the highest kurtosis, at least three times as
         wide as the highest fault frequency.
-
-    Returns
-    -------
-    Array [windows, classes]
-        One-hot.
     """
     length = windows.samples.shape[1]
     # Recordings of almost equal length share a threshold: simulating theirs takes seconds.

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 
 from papers.paper1_rul_varying_speed.lives.figures import network, table5
 from papers.paper1_rul_varying_speed.lives.tables import LIVES
-from papers.paper1_rul_varying_speed.models import architecture_of
+from papers.paper1_rul_varying_speed.methods.architecture import architecture_of
 from papers.paper3_zoa_dann.comparison.figures import GROUPS, PROPOSED, accuracy, noise
 from papers.paper3_zoa_dann.comparison.tables import CLEAN
 from papers.paper3_zoa_dann.comparison.trial import ALL

@@ -397,6 +397,6 @@ def test_a_configuration_may_name_an_effect_of_the_users_own(
     monkeypatch.setattr(module, "STUDY", dataclasses.replace(study, config=config))
     with pytest.raises(SystemExit):
         main(["--check-configs"])
-    assert "unknown effect 'hum'" in capsys.readouterr().err
+    assert "closed.A: 'hum' found, one of" in capsys.readouterr().err
     main(["--check-configs", "--effects", str(own)])
     assert "paper3.comparison: profiles smoke" in capsys.readouterr().out

@@ -19,7 +19,8 @@ from papers.paper1_rul_varying_speed.job import fit
 from papers.paper1_rul_varying_speed.lives import jobs, tables
 from papers.paper1_rul_varying_speed.lives.options import CONFIG, Options, read_options
 from papers.paper1_rul_varying_speed.lives.study import STUDY
-from papers.paper1_rul_varying_speed.models import MODELS
+from papers.paper1_rul_varying_speed.methods import adaptive_twin
+from papers.paper1_rul_varying_speed.methods.architecture import MODELS
 from twingap.bearing import BEARINGS
 from twingap.errors import TwingapError
 from twingap.records import Condition, Record, RecordSet
@@ -100,7 +101,7 @@ def config(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def case_of(records: list[Record], options: Options) -> Case:
     runs = RecordSet.from_records("smart_maintenance", "g", BEARINGS["6205"], records)
-    return read_case(Target(runs, "stand-in", True, {}), "A148", options.target, options.adaptation)
+    return read_case(Target(runs, "stand-in", {}), "A148", options.target, options.adaptation)
 
 
 @pytest.fixture(scope="module")
@@ -250,8 +251,8 @@ def test_a_run_of_which_nothing_can_be_predicted_is_named_once(
     def refuse(*given: object) -> None:
         raise TwingapError("what", where=where, mend="mend")
 
-    monkeypatch.setattr(cases, "read_mode", lambda *given: None)
-    monkeypatch.setattr(cases, "adapt_when_possible", refuse)
+    monkeypatch.setattr(adaptive_twin, "read_mode", lambda *given: None)
+    monkeypatch.setattr(adaptive_twin, "adapt_when_possible", refuse)
     nothing: Any = None
     with pytest.raises(TwingapError) as told:
         cases.adapted(nothing, nothing, "A1", nothing)

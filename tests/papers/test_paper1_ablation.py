@@ -12,14 +12,13 @@ import pytest
 from papers.framework import Work
 from papers.paper1_rul_varying_speed.ablation import jobs as ablation
 from papers.paper1_rul_varying_speed.ablation.jobs import ADVERSARIAL, DANN, SIMULATED, TRUE, Size, with_true_lives
-from papers.paper1_rul_varying_speed.ablation.study import STUDY
-from papers.paper1_rul_varying_speed.ablation.tables import tables_of
+from papers.paper1_rul_varying_speed.ablation.study import STUDY, tables_of
 from papers.paper1_rul_varying_speed.cases import Case, Target, load_target
 from papers.paper1_rul_varying_speed.job import simulate
 from papers.paper1_rul_varying_speed.lives.options import Options, TargetOptions, read_options
 from papers.paper1_rul_varying_speed.methods.adaptive_twin import NoLifeError
+from papers.paper1_rul_varying_speed.methods.architecture import MODELS
 from papers.paper1_rul_varying_speed.methods.metrics import rmse
-from papers.paper1_rul_varying_speed.models import MODELS
 from tests.papers import test_paper1
 from twingap.config import to_toml
 from twingap.errors import TwingapError

@@ -10,7 +10,7 @@ import pytest
 
 from papers.extra.femto.jobs import Features
 from papers.extra.femto_score import jobs
-from papers.extra.femto_score.score import best_point, best_share, within
+from papers.extra.femto_score.jobs import best_point, best_share, within
 from papers.extra.femto_score.study import STUDY
 from papers.paper1_rul_varying_speed.methods.metrics import phm2012_accuracy
 from twingap.prognosis.online import OnlineLife

@@ -9,10 +9,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from papers.extra.rig_lives import jobs, tables
+from papers.extra.rig_lives import jobs
+from papers.extra.rig_lives import study as tables
 from papers.extra.rig_lives.jobs import Bench, Size
-from papers.extra.rig_lives.study import STUDY
-from papers.extra.rig_lives.tables import ALONE, TOGETHER
+from papers.extra.rig_lives.study import ALONE, STUDY, TOGETHER
 from twingap.config import to_toml
 from twingap.rigs.smart_maintenance import END_OF_LIFE_G, RUNS, SmartMaintenanceRig, truth
 

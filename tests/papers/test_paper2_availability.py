@@ -12,7 +12,18 @@ import pytest
 from papers.framework import Work
 from papers.paper2_digital_twin.availability import jobs as availability_jobs
 from papers.paper2_digital_twin.availability.jobs import CONFIG, NetworkJob, baseline_of, network, read_options
-from papers.paper2_digital_twin.availability.records import RIG, Measured, at_hand, load, measure
+from papers.paper2_digital_twin.availability.records import (
+    ALL,
+    RIG,
+    SPLITS,
+    Measured,
+    at_hand,
+    counts_of,
+    judged,
+    labelled,
+    load,
+    measure,
+)
 from papers.paper2_digital_twin.availability.source import (
     Background,
     Plant,
@@ -20,7 +31,6 @@ from papers.paper2_digital_twin.availability.source import (
     healthy_recordings,
     simulate,
 )
-from papers.paper2_digital_twin.availability.split import ALL, SPLITS, counts_of, judged, labelled
 from papers.paper2_digital_twin.availability.study import STUDY
 from papers.paper2_digital_twin.methods.inception import InceptionTraining
 from papers.paper2_digital_twin.methods.residual_head import HeadOptions, ResidualHead, fit_residual_head

@@ -10,8 +10,7 @@ import pytest
 
 from papers.extra.lines import jobs as lines
 from papers.extra.lines.jobs import Options, prominences, read
-from papers.extra.lines.study import STUDY
-from papers.extra.lines.tables import told
+from papers.extra.lines.study import STUDY, told
 from twingap.bearing import BEARINGS
 from twingap.config import build, read_toml
 from twingap.data import NotAtHandError

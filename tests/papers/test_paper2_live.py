@@ -11,10 +11,9 @@ import numpy as np
 import pytest
 
 from papers.framework import Work
-from papers.paper2_digital_twin.live import tables as tables_live
+from papers.paper2_digital_twin.live import study as tables_live
 from papers.paper2_digital_twin.live.jobs import ARMS, Scenario, live_through, machine_of, messages_of
-from papers.paper2_digital_twin.live.study import STUDY
-from papers.paper2_digital_twin.live.tables import DRIFT, WHOLE, by_phase, phase_of
+from papers.paper2_digital_twin.live.study import DRIFT, STUDY, WHOLE, by_phase, phase_of
 from papers.paper2_digital_twin.live_twin import Snapshot, twin
 from papers.paper2_digital_twin.live_twin.drift import Alarm, DriftDetector
 from papers.paper2_digital_twin.live_twin.refit import Fit, refit
@@ -136,7 +135,7 @@ def test_ratios_by_hand(study: Work) -> None:
 
 def test_the_kept_back_snapshot_is_predicted_before_it_is_seen(study: Work) -> None:
     first = study["drifting"][0]
-    _, arrived = messages_of(first.job, machine_of(first.job))
+    arrived = messages_of(first.job, machine_of(first.job))
     last = max(m.time_s for m in arrived if isinstance(m, Snapshot))
     for value in first.value["arms"].values():
         assert value["judged"]["time_s"][-1] == last
@@ -162,5 +161,5 @@ def test_the_same_machine_makes_the_same_twin(study: Work) -> None:
 def test_a_bearing_that_nobody_knows_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "live.toml"
     path.write_text(STUDY.config.read_text(encoding="utf-8").replace('"6205"', '"9999"'), encoding="utf-8")
-    with pytest.raises(TwingapError, match="unknown bearing '9999'"):
+    with pytest.raises(TwingapError, match="'9999' found, one of"):
         STUDY.read(path)

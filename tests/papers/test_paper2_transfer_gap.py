@@ -12,8 +12,7 @@ import pytest
 from papers.__main__ import main
 from papers.extra.transfer_gap import study
 from papers.extra.transfer_gap.jobs import KINDS, Kind, Population, machine_of, simulate
-from papers.extra.transfer_gap.study import STUDY
-from papers.extra.transfer_gap.tables import means
+from papers.extra.transfer_gap.study import STUDY, means
 from papers.paper2_digital_twin.availability.jobs import read_options
 from twingap.bearing import BEARINGS
 from twingap.effects import make_effect

@@ -209,7 +209,7 @@ def test_records_that_cannot_be_read_are_not_taken_for_absent(tmp_path: Path, mo
     with pytest.raises(TwingapError, match=r"105\.mat"):
         load_target(read_options().target, None, 0.3)
     (tmp_path / "cwru" / "105.mat").unlink()
-    assert not load_target(read_options().target, None, 0.3).real
+    assert load_target(read_options().target, None, 0.3).title == "virtual rig, not CWRU"
 
 
 # -- the whole ---------------------------------------------------------------------------------------------------------
@@ -230,7 +230,9 @@ def whole(config: Path, tmp_path_factory: pytest.TempPathFactory) -> Work:
 
 
 def test_whole_run_writes_and_tracks_all(whole: Work) -> None:
-    assert whole.computed == 1 + 4 and not whole["target"].real, "an identification, and trainings"
+    assert whole.computed == 1 + 4 and whole["target"].title == "virtual rig, not CWRU", (
+        "an identification, and trainings"
+    )
     assert set(whole.tables["accuracy"]["data"]) == {"virtual rig, not CWRU"}
     for name in ("accuracy", "adaptation", "confusion", "recordings", "selection", "identification"):
         assert (whole.out / "tables" / f"{name}.md").exists()
@@ -336,7 +338,7 @@ def test_mistakes_end_in_one_line(
 @pytest.mark.skipif("TWINGAP_DATA" not in os.environ, reason="needs real records: set TWINGAP_DATA")
 def test_real_tasks_share_no_recording_and_no_label() -> None:
     target = load_target(read_options().target, None, 0.3)
-    assert target.real and len(target.records) == 20
+    assert target.title == "CWRU" and len(target.records) == 20
     for task in make_tasks(TASKS, target.records):
         assert not set(task.adapt.groups) & set(task.evaluate.groups)
         assert {c.fault for c in task.evaluate.conditions} == set(CLASSES)

@@ -8,7 +8,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from papers.extra.baselines import jobs, tables
+from papers.extra.baselines import jobs
+from papers.extra.baselines import study as tables
 from papers.extra.layers import jobs as layers
 from papers.extra.layers.study import STUDY as LAYERS
 from papers.paper3_zoa_dann.comparison.task_files import Material
@@ -125,5 +126,5 @@ def test_probes_and_checkpoints_add_up(recipe: Recipe, material: Material, label
 
 def test_a_method_without_a_network_has_no_layers() -> None:
     options = LAYERS.read()
-    with pytest.raises(TwingapError, match=r"no network 'VMD\+SVM'"):
+    with pytest.raises(TwingapError, match=r"'VMD\+SVM' found, one of"):
         layers.check(dataclasses.replace(options, methods=("VMD+SVM",)), LAYERS.config)

@@ -144,5 +144,5 @@ def test_wrong_input_is_named(tmp_path: Path) -> None:
         STUDY.run(out=tmp_path, root=tmp_path / "nowhere")
     bad = tmp_path / "bad.toml"
     bad.write_text(STUDY.config.read_text(encoding="utf-8").replace('"ball"]', '"cage"]'), encoding="utf-8")
-    with pytest.raises(TwingapError, match="no contact model for fault 'cage'"):
+    with pytest.raises(TwingapError, match="faults: 'cage' found, one of"):
         STUDY.read(bad)

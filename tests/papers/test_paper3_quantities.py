@@ -13,8 +13,7 @@ import pandas as pd
 import pytest
 
 from papers.extra.quantities.jobs import METHODS, QUANTITIES, trials
-from papers.extra.quantities.study import STUDY
-from papers.extra.quantities.tables import means
+from papers.extra.quantities.study import STUDY, means
 from papers.paper3_zoa_dann.comparison.jobs import CONFIG, Cell, Prepared
 from papers.paper3_zoa_dann.comparison.jobs import read_options as read_comparison
 from papers.paper3_zoa_dann.comparison.task_files import FOLDER, read_task

@@ -19,22 +19,20 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from papers.arrays import Array
 from papers.paper3_zoa_dann.comparison.jobs import Prepared, cells, prepared
 from papers.paper3_zoa_dann.comparison.task_files import Material, windows_to_adapt_to
 from papers.paper3_zoa_dann.comparison.trial import fleet_examples
 from papers.paper3_zoa_dann.inputs.options import read_options as read_common
 from papers.paper3_zoa_dann.source import Recipe, simulate
-from twingap.adapt import CRITERIA, Evidence, Windows
+from twingap import Bearing, TwingapError
+from twingap.adapt import CRITERIA, Evidence, Outputs, Windows
 from twingap.adapt.order_features import names, order_features
-from twingap.adapt.training import Outputs
-from twingap.bearing import Bearing
-from twingap.errors import TwingapError
 
 if TYPE_CHECKING:
     from papers.framework import Work
     from twingap.sweep import Result
 
-Array = NDArray[np.float64]
 Labels = NDArray[np.int64]
 
 SOURCES: Final = ("contact twin", "simulated fleets", "real labels")
@@ -84,7 +82,7 @@ def results(work: Work) -> list[tuple[str, Result[Trial]]]:
             labelled = windows_to_adapt_to(task, target.records, "balanced", ready.cell.unseen)
             made = work.sweep(
                 run_trial, trials(ready, task.name, common.judging.criterion),
-                {"material": (ready.material, ready.material.digest), "labelled": (labelled, None)},
+                ready.inputs | {"labelled": (labelled, None)},
                 lambda job: f"{job.task}, {job.source}, unseen {job.unseen}, seed {job.seed}", f"task {task.name}",
             )  # fmt: skip
             found += [(target.title, own) for own in made]
@@ -94,10 +92,8 @@ def results(work: Work) -> list[tuple[str, Result[Trial]]]:
 def run_trial(job: Trial, material: Material, labelled: Windows) -> dict[str, dict[str, Any]]:
     """Fit every method with each of its settings, choose the setting without target labels, judge.
 
-    Parameters
-    ----------
-    labelled : Windows
-        Those adapted to, with labels: for the source "real labels" alone, from which nothing is adapted.
+    `labelled` are the windows adapted to, with labels: for the source "real labels" alone, from which nothing is
+    adapted.
 
     Returns
     -------
@@ -137,14 +133,10 @@ def _at(place: int, told: Sequence[Array], truth: Labels) -> dict[str, Any]:
 
 
 def adapted(method: str, setting: Any, rows: Array, labels: Labels, target: Array) -> Callable[[Array], Array]:
-    """Fit one method: a function from target rows to probabilities [rows, classes].
-
-    Raises `TwingapError` without skada.
+    """Fit one method of `SETTINGS`: a function from target rows to probabilities [rows, classes].
 
     Parameters
     ----------
-    method, setting
-        Key of `SETTINGS`, and one of its values.
     rows, labels : arrays [source rows, features], [source rows]
     target : Array [target rows, features]
         Unlabelled.
@@ -167,12 +159,11 @@ def adapted(method: str, setting: Any, rows: Array, labels: Labels, target: Arra
         adapters: dict[str, Callable[[], tuple[Any, ...]]] = {
             "CORAL": lambda: (skada.CORALAdapter(reg=setting), base),
             "Subspace alignment": lambda: (
-                skada.SubspaceAlignmentAdapter(min(setting, *target.shape), random_state=0),
-                base,
+                skada.SubspaceAlignmentAdapter(min(setting, *target.shape), random_state=0), base,
             ),
             "LinOT": lambda: (skada.LinearOTMappingAdapter(reg=setting), base),
             "JDOT": lambda: (skada.JDOTClassifier(base, alpha=setting),),
-        }
+        }  # fmt: skip
         pipeline = skada.make_da_pipeline(StandardScaler(), *adapters[method]())
         domain = np.repeat([1, -2], [len(rows), len(target)])
         masked = np.concatenate([labels, np.full(len(target), -1)])

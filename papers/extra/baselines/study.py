@@ -1,10 +1,60 @@
-"""Declaration of the study of shallow baselines; its configuration is the comparison's."""
+"""Study of shallow baselines, configured as the comparison: trials; means by data set, source and method; tests."""
 
+from __future__ import annotations
+
+from collections.abc import Sequence
 from importlib.util import find_spec
 
-from papers.extra.baselines import jobs, tables
-from papers.framework import Step, Study
+import pandas as pd
+
+from papers.extra.baselines import jobs
+from papers.framework import Rows, Step, Study, Work, as_table
 from papers.paper3_zoa_dann.comparison.jobs import Options, check, load_tasks
+from papers.paper3_zoa_dann.significance import corrected, paired
+from twingap.sweep import Result
+
+MEASURES = ("accuracy", "oracle", "macro_f1", "auroc")
+CELL = ["held_out", "data", "source", "method"]
+
+
+def all_tables(work: Work) -> dict[str, pd.DataFrame]:
+    rows = table(work["results"])
+    return {"baselines": rows, "baselines-mean": means(rows), "baselines-tests": tests(rows)}
+
+
+@as_table
+def table(found: Sequence[tuple[str, Result[jobs.Trial]]]) -> Rows:
+    """A row per trial and held-out unit: recordings (all windows), bearings (those of bearings not adapted to)."""
+    for data, own in found:
+        job = own.job
+        for method, value in own.value.items():
+            about = {"data": data, "task": job.task, "source": job.source, "method": method, "seed": job.seed}
+            # Tasks B leave bearings out in every trial; tasks A in trials of their own.
+            parts = {"recordings": value} if job.unseen is None or job.task.startswith("B") else {}
+            parts |= {"bearings": value["unseen"]} if value["unseen"] else {}
+            for held_out, values in parts.items():
+                measured = {name: values[name] for name in MEASURES}
+                yield about | {"held_out": held_out} | measured | {"setting": value["setting"]}
+
+
+@as_table
+def means(rows: pd.DataFrame) -> Rows:
+    """Means over tasks and seeds, with the deviation over seeds of the mean over tasks."""
+    for cell, own in rows.groupby(CELL, sort=False):
+        spread = own.groupby("seed")["accuracy"].mean().std()
+        measured = {name: own[name].mean() for name in MEASURES}
+        yield {**dict(zip(CELL, cell, strict=True)), "trials": len(own), **measured, "accuracy_std": spread}
+
+
+@as_table
+def tests(rows: pd.DataFrame) -> Rows:
+    """Each method against none, by pairs of task and seed: sign flips, corrected by Holm within a source."""
+    for (held_out, data, source), own in rows.groupby(["held_out", "data", "source"], sort=False):
+        pairs = own.pivot_table(index=["task", "seed"], columns="method", values="accuracy", sort=False)
+        about = {"held_out": held_out, "data": data, "source": source}
+        methods = [name for name in pairs.columns if name != jobs.PLAIN]
+        yield from corrected([about | {"method": name} | paired(pairs[name], pairs[jobs.PLAIN])[1] for name in methods])
+
 
 STUDY = Study(
     name="baselines",
@@ -12,7 +62,7 @@ STUDY = Study(
     options=Options,
     check=check,
     steps=(Step("tasks", load_tasks), Step("results", jobs.results)),
-    tables=tables.all_tables,
+    tables=all_tables,
     headlines=("baselines-mean",),
     at_hand=lambda root: find_spec("skada") is not None,
 )

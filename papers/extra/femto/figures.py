@@ -8,6 +8,7 @@ from typing import Final
 import pandas as pd
 from matplotlib.figure import Figure
 
+from papers.figures import rule, subplots
 from papers.framework import Work
 
 STYLES: Final = {
@@ -26,8 +27,7 @@ def all_figures(work: Work) -> Iterator[tuple[str, Figure]]:
 
 def errors(every: pd.DataFrame) -> Figure:
     """RMSE after the alarm of each method on each bearing."""
-    figure = Figure(figsize=(9.5, 4.4), layout="constrained")
-    axes = figure.subplots()
+    figure, axes = subplots((9.5, 4.4))
     bearings = list(dict.fromkeys(every["bearing"]))
     for place, (method, (colour, marker)) in enumerate(STYLES.items()):
         own = every[every["method"] == method].set_index("bearing")["rmse_s"].reindex(bearings)
@@ -38,7 +38,6 @@ def errors(every: pd.DataFrame) -> Figure:
     axes.set_xticks(range(len(bearings)), bearings)
     axes.set_ylabel("RMSE of remaining time\nafter the alarm (min)")
     axes.set_title("FEMTO learning bearings (runs used in development)")
-    axes.grid(axis="y", color="0.9")
-    axes.set_axisbelow(True)
+    rule(axes, "y")
     figure.legend(loc="outside lower center", ncols=5)
     return figure

@@ -21,24 +21,20 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from papers.arrays import Array
 from papers.extra.femto import rivals
 from papers.paper1_rul_varying_speed.methods.remaining_life import remaining_time_s
-from twingap.data import NotAtHandError, load
-from twingap.data.root import data_root
-from twingap.errors import TwingapError
-from twingap.prognosis.online import OnlineLife
-from twingap.prognosis.outcomes import Outcome, prior_from
+from twingap import TwingapError
+from twingap.data import NotAtHandError, data_root, load
+from twingap.prognosis import OnlineLife, Outcome, Prior, prior_from
 from twingap.prognosis.past_errors import PastIntervals
-from twingap.prognosis.prior import Prior
 from twingap.provenance import digest_of_path, digest_of_value
 from twingap.signal.features import time_features
 
 if TYPE_CHECKING:
     from papers.framework import Inputs, Work
 
-Array = NDArray[np.float64]
 
 FEWEST: Final = 3
 """Runs: what one is predicted with comes from two others at least."""
@@ -52,8 +48,6 @@ CUTS: Final = (0.615, 0.665, 0.748, 0.759, 0.798, 0.811, 0.815, 0.816, 0.866, 0.
 
 @dataclass(frozen=True)
 class Size:
-    """How much is run: which bearings, all at hand where empty; seeds of particle filter and forest."""
-
     bearings: tuple[str, ...]
     seeds: int
 
@@ -125,11 +119,8 @@ def outcome(name: str, run: Measured, alone: dict[str, Any] | None = None) -> Ou
 def predict(job: Prediction, *, runs: dict[str, Measured]) -> dict[str, Any]:
     """Remaining time at every snapshot of a run, without its own end.
 
-    Returns
-    -------
-    dict
-        `alarm`, `onset` (rows; None without), `passed` (anomalies taken back), and `predicted`, `low`, `high` in s
-        [rows].
+    `alarm` and `onset` (rows; None without), `passed` (anomalies taken back), `predicted`, `low` and `high` in s
+    [rows].
     """
     run = runs[job.bearing]
     others = {name: other for name, other in runs.items() if name != job.bearing}
@@ -144,10 +135,11 @@ def predict(job: Prediction, *, runs: dict[str, Measured]) -> dict[str, Any]:
         predicted, low, high = np.array(estimates).T
     elif job.method == "random forest":
         train = [(_inputs(other), revolutions(other)[-1] - revolutions(other)) for other in others.values()]
-        predicted, low, high = rivals.random_forest(train, _inputs(run), job.seed)
-        predicted, low, high = (remaining_time_s(v, run.speed_rpm) for v in (predicted, low, high))
+        told = rivals.random_forest(train, _inputs(run), job.seed)
+        predicted, low, high = (remaining_time_s(v, run.speed_rpm) for v in told)
     else:
-        predicted, low, high = _by_growth(job, run, alone, prior)
+        told = _by_growth(job, run, alone, prior)
+        predicted, low, high = (remaining_time_s(v, run.speed_rpm) for v in told)
     return {
         "alarm": alone.alarm_row, "onset": alone.onset_row, "passed": passed, "predicted": predicted, "low": low,
         "high": high,
@@ -156,8 +148,8 @@ def predict(job: Prediction, *, runs: dict[str, Measured]) -> dict[str, Any]:
 
 def _by_growth(job: Prediction, run: Measured, alone: OnlineLife, prior: Prior) -> tuple[Array, Array, Array]:
     """A rival that follows amplitude from the onset on; before the alarm, what is left of a usual life."""
-    left = np.maximum(np.exp(prior.life.mean) - revolutions(run), 0.0)
-    predicted, low, high = left.copy(), np.full(left.size, np.nan), np.full(left.size, np.nan)
+    predicted = np.maximum(np.exp(prior.life.mean) - revolutions(run), 0.0)
+    low, high = np.full((2, predicted.size), np.nan)
     rows, turns, logs = alone.amplitudes
     if alone.onset_row is not None and alone.alarm_row is not None:
         first = int(np.searchsorted(rows, alone.onset_row))
@@ -175,7 +167,7 @@ def _by_growth(job: Prediction, run: Measured, alone: OnlineLife, prior: Prior) 
         given = np.isfinite(found)
         places = rows[first:][given]
         predicted[places], low[places], high[places] = found[given], bounds[0][given], bounds[1][given]
-    return tuple(remaining_time_s(v, run.speed_rpm) for v in (predicted, low, high))  # type: ignore[return-value]
+    return predicted, low, high
 
 
 def revolutions(run: Measured) -> Array:

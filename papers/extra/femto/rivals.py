@@ -13,12 +13,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from papers.arrays import Array
 from papers.paper1_rul_varying_speed.methods.degradation import fit_damage
-from twingap.errors import TwingapError
-
-Array = NDArray[np.float64]
+from twingap import TwingapError
 
 
 @dataclass(frozen=True)
@@ -32,19 +31,12 @@ class Growth:
     end: float  # log amplitude at the end of life
     usual_life: float  # revolutions that other runs lasted from onset to end
 
-    def __post_init__(self) -> None:
-        if self.revolutions.shape != self.log_amplitude.shape or self.revolutions.ndim != 1:
-            raise TwingapError("one amplitude per row expected", where="growth")
-
 
 def exponential_extrapolation(growth: Growth) -> Array:
     """Least squares of log amplitude over all rows since the onset (eq. 12 with a free level), carried on to the end.
 
-    Returns
-    -------
-    Array [rows]
-        Remaining revolutions; NaN before the alarm. Where no growth was fitted, or its end lies beyond ten usual lives,
-        what is left of the usual life.
+    Remaining revolutions [rows]; NaN before the alarm. Where no growth was fitted, or its end lies beyond ten usual
+    lives, what is left of the usual life.
     """
     found = np.full(growth.revolutions.size, np.nan)
     for row in range(growth.first, growth.revolutions.size):
@@ -63,15 +55,12 @@ def exponential_extrapolation(growth: Growth) -> Array:
 
 
 def particle_filter(growth: Growth, rng: np.random.Generator, particles: int = 1000) -> tuple[Array, Array, Array]:
-    """Bootstrap filter of (log amplitude, log rate) under eq. 12 whose rate wanders (Gordon, Salmond, Smith 1993,
-    DOI 10.1049/ip-f-2.1993.0015).
+    """Bootstrap filter of (log amplitude, log rate) under eq. 12 whose rate wanders (Gordon, Salmond, Smith 1993, DOI
+    10.1049/ip-f-2.1993.0015).
 
-    Returns
-    -------
-    median, low, high : Array [rows]
-        Remaining revolutions and 90 % interval; NaN before the alarm. A median beyond ten usual lives gives way to what
-        is left of the usual life. The rate begins log-normally about that which
-        lasts a usual life, a factor of e either way, and wanders by a tenth a row; it does not wander in the future.
+    Median, low and high end of the 90 % interval of remaining revolutions [rows]; NaN before the alarm. A median beyond
+    ten usual lives gives way to what is left of the usual life. The rate begins log-normally about that which lasts a
+    usual life, a factor of e either way, and wanders by a tenth a row; it does not wander in the future.
     """
     u, x = growth.revolutions, growth.log_amplitude
     out = np.full((3, u.size), np.nan)
@@ -97,20 +86,11 @@ def particle_filter(growth: Growth, rng: np.random.Generator, particles: int = 1
 
 
 def causal_features(columns: ArrayLike, revolutions: ArrayLike, healthy_rows: int = 60) -> Array:
-    """Features of every row for a regression, each from rows up to it.
+    """Features [rows, 4 features + 1] for a regression, each from the rows up to it.
 
-    Parameters
-    ----------
-    columns : array_like [rows, features]
-        Positive features of single records, NaN where a record was unusable.
-    revolutions : array_like [rows]
-        Since the first row.
-
-    Returns
-    -------
-    Array [rows, 4 features + 1]
-        Logarithm over that of the median of the healthy rows; its mean over the last 5 and 30 rows; its greatest such
-        mean so far; and revolutions. During the healthy rows, relative to the rows so far.
+    Of positive `columns` [rows, features] the logarithm over that of the median of the healthy rows (during those, of
+    the rows so far); its mean over the last 5 and 30 rows; its greatest such mean so far; and revolutions since the
+    first row.
     """
     x = np.log(np.maximum(np.asarray(columns, float), 1e-12))
     u = np.asarray(revolutions, float)
@@ -118,10 +98,8 @@ def causal_features(columns: ArrayLike, revolutions: ArrayLike, healthy_rows: in
     base = np.concatenate((base, np.repeat(base[-1:], max(len(x) - healthy_rows, 0), axis=0)))
     total = np.concatenate((np.zeros((1, x.shape[1])), np.cumsum(x, axis=0)))
     rows = np.arange(1, len(x) + 1)
-    means = []
-    for width in (5, 30):
-        first = np.maximum(rows - width, 0)
-        means.append((total[rows] - total[first]) / (rows - first)[:, None] - base)
+    firsts = (np.maximum(rows - width, 0) for width in (5, 30))
+    means = [(total[rows] - total[first]) / (rows - first)[:, None] - base for first in firsts]
     return np.column_stack((x - base, *means, np.maximum.accumulate(means[0], axis=0), u))
 
 
@@ -143,8 +121,7 @@ def random_forest(
     """
     from sklearn.ensemble import RandomForestRegressor
 
-    x = np.concatenate([f for f, _ in train])
-    y = np.concatenate([r for _, r in train])
+    x, y = (np.concatenate([run[place] for run in train]) for place in (0, 1))
     weight = np.concatenate([np.full(len(r), 1 / len(r)) for _, r in train])
     forest = RandomForestRegressor(trees, min_samples_leaf=5, max_features=1 / 3, random_state=seed, n_jobs=1)
     forest.fit(x, y, sample_weight=weight / weight.mean())

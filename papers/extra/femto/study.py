@@ -1,8 +1,118 @@
-"""Declaration of the study of FEMTO's runs."""
+"""Study of FEMTO's runs, and its tables: errors by method and bearing, and who is at least as good where."""
 
-from papers.extra.femto import figures, jobs, tables
-from papers.framework import Step, Study
-from papers.paper1_rul_varying_speed.lives.figures import STYLE
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from papers.extra.femto import figures, jobs
+from papers.framework import Rows, Step, Study, Work, as_table
+from papers.paper1_rul_varying_speed.methods import metrics
+from twingap.prognosis.outcomes import prior_from
+from twingap.prognosis.prior import LEARNT
+
+
+def pooled(bearing: str, runs: dict[str, jobs.Measured], alone: dict[str, dict[str, Any]]) -> dict[str, Any]:
+    """`predict` by growth alone of a bearing, pooled with what other runs say.
+
+    Weight and width of intervals are those that the other bearings choose among themselves: neither this one's life nor
+    its predictions enter them.
+    """
+    run, found = runs[bearing], alone[bearing]
+    others = [jobs.outcome(name, other, alone[name]) for name, other in runs.items() if name != bearing]
+    prior = prior_from(others, run.load_n)
+    turns, onset = jobs.revolutions(run), found["onset"]
+    columns = np.column_stack([np.asarray(found[k], float) for k in ("low", "predicted", "high")])
+    per_time = run.speed_rpm / 60
+    for row in range(turns.size):
+        if np.isfinite(columns[row, 1]) and onset is not None:
+            a, b, c = (float(v) for v in columns[row] * per_time[row])
+            if c > 0:  # after the end level is reached, nothing remains
+                per_row = turns[-1] / (turns.size - 1)
+                columns[row] = prior.joined((a, b, c), turns[row], turns[row] - turns[onset], per_row)
+                columns[row] /= per_time[row]
+        else:
+            columns[row] = np.array(prior.before(turns[row])) / per_time[row]
+    told = {"low": columns[:, 0], "predicted": columns[:, 1], "high": columns[:, 2]}
+    return found | told | {what: getattr(prior, what) for what in LEARNT}
+
+
+def judge(run: jobs.Measured, found: dict[str, Any]) -> dict[str, float]:
+    """All metrics of one prediction: after the alarm, and at the challenge's cuts."""
+    true, predicted = run.remaining_s, np.asarray(found["predicted"], float)
+    low, high = np.asarray(found["low"], float), np.asarray(found["high"], float)
+    after = slice(found["alarm"], true.size - 1) if found["alarm"] is not None else slice(0, 0)
+    t, p = true[after], predicted[after]
+    cuts = [round(share * (true.size - 1)) for share in jobs.CUTS]
+    inside = metrics.coverage(t, low[after], high[after])
+    return {
+        "rows": t.size, "rmse_s": metrics.rmse(t, p),
+        "relative_accuracy": metrics.cumulative_relative_accuracy(t, p),
+        "alpha_lambda_half": float(metrics.alpha_lambda(t, p, 0.5, 0.2)),
+        "within_20": float(metrics.within_alpha(t, p, 0.2).mean()) if t.size else float("nan"),
+        "horizon_s": metrics.prognostic_horizon(t, p, float(true[0]), 0.1) if t.size else float("nan"),
+        "phm2012_after_alarm": metrics.phm2012_score(t, p),
+        "phm2012_at_cuts": metrics.phm2012_score(true[cuts], predicted[cuts]),
+        "coverage": inside.share, "width_s": inside.mean_width,
+    }  # fmt: skip
+
+
+def table(runs: dict[str, jobs.Measured], results: Sequence[tuple[jobs.Prediction, dict[str, Any]]]) -> pd.DataFrame:
+    """A row per bearing and method; of several seeds, the mean, and how far their RMSE scatters."""
+    rows = [
+        {"bearing": job.bearing, "method": job.method, "seed": job.seed, "alarm_row": value["alarm"],
+         "passed": value["passed"], **{what: value.get(what, np.nan) for what in LEARNT},
+         **judge(runs[job.bearing], value)}
+        for job, value in results
+    ]  # fmt: skip
+    by = ["bearing", "method"]
+    every = pd.DataFrame(rows)
+    every["bearing"] = pd.Categorical(every["bearing"], list(runs))
+    every["method"] = pd.Categorical(every["method"], jobs.METHODS)
+    grouped = every.drop(columns="seed").groupby(by, sort=True, observed=True, as_index=False)
+    found = grouped.mean()
+    return found.assign(seeds=grouped.size()["size"], rmse_std_s=grouped["rmse_s"].std(ddof=1)["rmse_s"])
+
+
+@as_table
+def wins(every: pd.DataFrame) -> Rows:
+    """Bearings on which the estimator is at least as good as rivals, per metric.
+
+    Against the best rival of each bearing, a yardstick that knows the end; against the one that is best on average,
+    which a reader would take instead; and against each rival throughout.
+    """
+    higher = (
+        "relative_accuracy", "alpha_lambda_half", "within_20", "horizon_s", "phm2012_after_alarm", "phm2012_at_cuts",
+    )  # fmt: skip
+    plain = every.astype({"bearing": str, "method": str})
+    for metric in ("rmse_s", *higher):
+        values = plain.pivot(index="bearing", columns="method", values=metric)
+        sign, best = (1, "max") if metric in higher else (-1, "min")
+        rivals = values[list(jobs.RIVALS)]
+        chosen = str((sign * rivals.mean()).idxmax())
+        against = {
+            "best of each bearing": rivals.agg(best, axis=1), f"best on average: {chosen}": rivals[chosen],
+            **{name: rivals[name] for name in jobs.RIVALS},
+        }  # fmt: skip
+        for method in (jobs.POOLED, jobs.ALONE):
+            for name, rival in against.items():
+                good = sign * values[method] >= sign * rival
+                yield {
+                    "metric": metric, "method": method, "against": name, "bearings_won": int(good.sum()),
+                    "of": len(good), "which": " ".join(good.index[good]),
+                }  # fmt: skip
+
+
+def all_tables(work: Work) -> dict[str, pd.DataFrame]:
+    runs, found = work["runs"], work["predictions"]
+    alone = {r.job.bearing: r.value for r in found if r.job.method == jobs.ALONE}
+    together = [(jobs.Prediction(name, jobs.POOLED, 0), pooled(name, runs, alone)) for name in runs]
+    every = table(runs, together + [(r.job, r.value) for r in found])
+    return {"femto": every, "femto_wins": wins(every)}
+
 
 STUDY = Study(
     name="femto",
@@ -15,8 +125,8 @@ STUDY = Study(
         Step("runs", jobs.measured),
         Step("predictions", jobs.predict, jobs.predictions, jobs.of_features),
     ),
-    tables=tables.all_tables,
+    tables=all_tables,
     figures=figures.all_figures,
-    style=STYLE,
+    letters=(12, 10),
     headlines=("femto", "femto_wins"),
 )

@@ -10,6 +10,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from papers.extra.femto_lives.tables import AS_PRINTED, CLOSED, NAMED
+from papers.figures import rule, subplots
 from papers.framework import Work
 
 MARKS: Final = {AS_PRINTED: ("#D55E00", "o", -0.22), NAMED: ("#0072B2", "s", 0.0), CLOSED: ("#009E73", "^", 0.22)}
@@ -22,8 +23,9 @@ def all_figures(work: Work) -> Iterator[tuple[str, Figure]]:
 def lives(every: pd.DataFrame, runs: pd.DataFrame) -> Figure:
     """A row of panels per wait, a panel per model: RMSE of each run by twin, seeds as whiskers from least to most."""
     waits, models = list(dict.fromkeys(every["wait_min"])), list(dict.fromkeys(every["model"]))
-    figure = Figure(figsize=(5.6 * len(models) + 1, 3.7 * len(waits) + 0.8), layout="constrained")
-    panels = figure.subplots(len(waits), len(models), squeeze=False, sharey="row")
+    figure, panels = subplots(
+        (5.6 * len(models) + 1, 3.7 * len(waits) + 0.8), len(waits), len(models), squeeze=False, sharey="row"
+    )
     for line, wait in zip(panels, waits, strict=True):
         known = runs[(runs["wait_min"] == wait) & runs["lives_rmse_min"].notna()]
         at = np.arange(len(known))
@@ -41,8 +43,7 @@ def lives(every: pd.DataFrame, runs: pd.DataFrame) -> Figure:
             axes.set_xlim(-0.6, len(known) - 0.4)
             axes.set_ylim(bottom=0)
             axes.set_title(f"{model}, {wait:g} min after the alarm")
-            axes.grid(axis="y", color="0.9")
-            axes.set_axisbelow(True)
+            rule(axes, "y")
         line[0].set_ylabel("RMSE, min")
     for axes in panels[-1]:
         axes.set_xlabel("FEMTO bearing")

@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import itertools
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -25,18 +26,16 @@ import numpy as np
 from papers.extra.life_gap import jobs as life_gap
 from papers.extra.life_gap.diagnoses import SEEN, Asked, modelled, pair_of, row_of
 from papers.extra.life_gap.jobs import MODELS, added, lives_config, root_of
-from papers.paper1_rul_varying_speed.cases import Case, Reading, adapted, case_of
+from papers.paper1_rul_varying_speed.cases import Case, adapted, case_of
 from papers.paper1_rul_varying_speed.job import Added, Job, job_of, train_and_judge
 from papers.paper1_rul_varying_speed.lives.options import Options as Lives
 from papers.paper1_rul_varying_speed.lives.options import read_options
+from papers.paper1_rul_varying_speed.methods.architecture import architecture_of
 from papers.paper1_rul_varying_speed.methods.run import read_run
-from papers.paper1_rul_varying_speed.models import architecture_of
-from twingap.data import load
-from twingap.data.root import data_root
-from twingap.errors import TwingapError
+from twingap import RecordSet, TwingapError
+from twingap.data import data_root, load
 from twingap.gap.knowledge import shipped_digest
 from twingap.provenance import digest_of_path
-from twingap.records import RecordSet
 
 if TYPE_CHECKING:
     from papers.framework import Inputs, Work
@@ -76,22 +75,20 @@ class Wanted:
 
 
 def read_case(records: RecordSet, name: str, wait_min: float, options: Lives) -> Case:
-    """A run as the paper's recipe reads it; the end is known to the judge alone.
-
-    Raises `TwingapError` when nothing can be simulated before the run ends.
-    """
+    """A run as the paper's recipe reads it; the end is known to the judge alone."""
     own = records.select(lambda c: c.group == name)
-    if own.bearing is None:
-        raise TwingapError("brings no bearing geometry", where=f"record set {records.name!r}")
     run = read_run(own)
+    healthy = run.rows_in(REFERENCE_MIN)
     adaptation = dataclasses.replace(
         options.adaptation, reference_min=REFERENCE_MIN, after_alarm_min=wait_min,
-        limit=END_RATIO * float(np.median(run.peak_to_peak[: run.rows_in(REFERENCE_MIN)])),
+        limit=END_RATIO * float(np.median(run.peak_to_peak[:healthy])),
     )  # fmt: skip
     twin, waited = adapted(own, run, name, adaptation)
     # From here on the end of the run is looked at: for labels that only the judge gets.
-    length, healthy = own.conditions[0].n_samples, run.rows_in(REFERENCE_MIN)
-    return case_of(own, run, twin, run.time_s.size - 1, Reading(name, FAULT, length, healthy, None, waited))
+    return case_of(
+        own, run, twin, run.time_s.size - 1, waited, name=name, fault=FAULT, n_samples=own.conditions[0].n_samples,
+        healthy_rows=healthy,
+    )  # fmt: skip
 
 
 @functools.lru_cache(maxsize=12)
@@ -111,11 +108,9 @@ def diagnosed(wanted: Wanted, *, root: str | None, config: str) -> dict[str, Any
 def trainings_of(case: Case, options: Lives, named: Added | None, size: Size) -> Iterator[Job]:
     """Trainings of the printed twin, of the same with the named effects where there are any, and of the closed one."""
     twins = [(PRINTED, None), *([(PRINTED, named)] if named is not None else []), (CLOSED, None)]
-    for seed in range(size.seeds):
-        for variant, more in twins:
-            for model in MODELS:
-                shape = dataclasses.replace(architecture_of(model), strides=STRIDES)
-                yield job_of(case, options, variant, model, shape, seed, size, added=more)
+    for seed, (variant, more), model in itertools.product(range(size.seeds), twins, MODELS):
+        shape = dataclasses.replace(architecture_of(model), strides=STRIDES)
+        yield job_of(case, options, variant, model, shape, seed, size, added=more)
 
 
 def wanted(work: Work) -> list[Wanted]:
@@ -124,10 +119,7 @@ def wanted(work: Work) -> list[Wanted]:
 
 
 def cases(work: Work) -> dict[Wanted, Case]:
-    """Runs as training sees them; why there is none of the others stands in ``work["refused"]``.
-
-    Raises `TwingapError` when FEMTO's runs are not at hand, or none of them can be predicted.
-    """
+    """Runs as training sees them; why there is none of the others stands in ``work["refused"]``."""
     records = load("femto", root_of(work))
     found: dict[Wanted, Case] = {}
     refused: dict[Wanted, str] = {}

@@ -3,7 +3,6 @@
 from papers.extra.femto.jobs import at_hand
 from papers.extra.femto_lives import figures, jobs, tables
 from papers.framework import Step, Study
-from papers.paper1_rul_varying_speed.lives.figures import STYLE
 
 STUDY = Study(
     name="femto_lives",
@@ -19,6 +18,6 @@ STUDY = Study(
     ),
     tables=tables.all_tables,
     figures=figures.all_figures,
-    style=STYLE,
+    letters=(12, 10),
     headlines=("femto_lives", "femto_lives_summary"),
 )

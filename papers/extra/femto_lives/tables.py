@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from papers.extra.life_gap.tables import compared, verdict
-from papers.framework import Work
+from papers.framework import Rows, Work, as_table
 from papers.paper1_rul_varying_speed.cases import Case
 from papers.paper1_rul_varying_speed.job import Job
 from papers.paper1_rul_varying_speed.methods.metrics import rmse
@@ -19,7 +19,6 @@ TWINS: Final = (AS_PRINTED, NAMED, CLOSED)
 
 
 def all_tables(work: Work) -> dict[str, pd.DataFrame]:
-    """Every table by name: runs and verdicts, trainings, what closing the gap is worth."""
     told = {r.job: dict(r.value) for r in work["diagnoses"]}
     every = errors([(one.wait_min, r.job, dict(r.value)) for one, r in work["trained"]])
     cases, refused = work["cases"], work["refused"]
@@ -33,13 +32,13 @@ def twin_of(job: Job) -> str:
     return AS_PRINTED if job.variant == "printed" else CLOSED
 
 
-def of_runs(asked: Sequence[tuple[str, float, Case | None, dict[str, Any] | None, str]]) -> pd.DataFrame:
+@as_table
+def of_runs(asked: Sequence[tuple[str, float, Case | None, dict[str, Any] | None, str]]) -> Rows:
     """A row per run and wait: rows of anomaly, now and end, what the simulated lives alone are off by, the verdict."""
-    rows = []
     for bearing, wait, case, told, why in asked:
         line: dict[str, Any] = {"data": "FEMTO", "bearing": bearing, "wait_min": wait}
         if case is None or told is None:
-            rows.append(line | {"refused": why})
+            yield line | {"refused": why}
             continue
         twin, own = case.known.twin, case.minutes(case.mean_of_lives())
         line |= {
@@ -47,8 +46,7 @@ def of_runs(asked: Sequence[tuple[str, float, Case | None, dict[str, Any] | None
             "lives_rmse_min": rmse(case.true_min, own), "lives_bias_min": float(np.mean(own - case.true_min)),
             "records": told["records"],
         }  # fmt: skip
-        rows.append(line | verdict(told))
-    return pd.DataFrame(rows)
+        yield line | verdict(told)
 
 
 def errors(results: Sequence[tuple[float, Job, dict[str, Any]]]) -> pd.DataFrame:
@@ -62,9 +60,9 @@ def errors(results: Sequence[tuple[float, Job, dict[str, Any]]]) -> pd.DataFrame
     ])  # fmt: skip
 
 
-def summary(every: pd.DataFrame) -> pd.DataFrame:
+@as_table
+def summary(every: pd.DataFrame) -> Rows:
     """By wait, model and twin: mean RMSE over runs, and its ratio to that of the printed twin with a 90 % interval."""
-    rows = []
     for (wait, model), own in every.groupby(["wait_min", "model"], sort=False):
         tables = {
             twin: part.pivot(index="bearing", columns="seed", values="rmse_min") for twin, part in own.groupby("twin")
@@ -72,5 +70,4 @@ def summary(every: pd.DataFrame) -> pd.DataFrame:
         before = tables[AS_PRINTED]
         for twin in TWINS[1:]:
             after = tables.get(twin, before.iloc[:0])
-            rows.append({"data": "FEMTO", "wait_min": wait, "model": model, "twin": twin, **compared(before, after)})
-    return pd.DataFrame(rows)
+            yield {"data": "FEMTO", "wait_min": wait, "model": model, "twin": twin, **compared(before, after)}

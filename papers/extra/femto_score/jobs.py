@@ -11,17 +11,18 @@ are trained at cuts of the other runs in the same band of life, so they know whe
 from __future__ import annotations
 
 import dataclasses
+import itertools
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from papers.arrays import Array
 from papers.extra.femto import rivals
 from papers.extra.femto.jobs import Features, at_least
-from papers.extra.femto_score.score import best_share
+from papers.paper1_rul_varying_speed.methods.metrics import phm2012_accuracy
 from twingap.data import load
 from twingap.prognosis.life_law import law_of, log_normal
 from twingap.prognosis.online import OnlineLife
@@ -34,7 +35,30 @@ from twingap.signal.envelope import envelope
 if TYPE_CHECKING:
     from papers.framework import Inputs, Work
 
-Array = NDArray[np.float64]
+_TRIED: Final = np.linspace(0.02, 1.0, 99)
+"""Shares of the life so far that are tried."""
+
+
+def best_point(lives: Array) -> float:
+    """Prediction with the highest expected score, among equally likely remaining lives [n]."""
+    kept = lives[lives > 0]
+    if not kept.size:
+        return 0.0
+    return float(kept[int(np.argmax([phm2012_accuracy(kept, np.full(kept.size, value)).mean() for value in kept]))])
+
+
+def best_share(ratios: Sequence[float]) -> float:
+    """Share of the life so far with the highest mean score, where remaining over past life has these ratios."""
+    true = np.asarray(ratios)
+    return float(max(_TRIED, key=lambda share: phm2012_accuracy(true, np.full(true.size, share)).mean()))
+
+
+def within(lives: Array, lived: float, band: tuple[float, float]) -> Array:
+    """Remaining lives [n] whose cut lies in a band of life; the closest that does where none is."""
+    low, high = lived * (1 / band[1] - 1), lived * (1 / band[0] - 1)
+    kept = lives[(lives >= low) & (lives <= high)]
+    return kept if kept.size else np.clip([np.median(lives)], low, high)
+
 
 SHARES: Final = tuple(float(v) for v in (np.arange(40) + 0.5) / 40)
 """Quantiles by which a prediction's law is kept."""
@@ -58,8 +82,6 @@ _BANDS: Final = 64
 
 @dataclass(frozen=True)
 class Size:
-    """Cuts drawn for each bearing, and seeds of the methods that draw lots."""
-
     cuts: int
     seeds: int
 
@@ -97,14 +119,30 @@ class Run:
     load_n: float
 
     @property
+    def last(self) -> int:
+        """Row of the last snapshot, which ends the run."""
+        return len(self.indicators) - 1
+
+    @property
     def life_s(self) -> float:
-        """Time to the last snapshot, which ends the run."""
-        return self.step_s * (len(self.indicators) - 1)
+        return self.step_s * self.last
 
     @property
     def life(self) -> float:
         """Life in revolutions."""
         return self.life_s * self.speed_rpm / 60
+
+    @property
+    def per_row(self) -> float:
+        """Revolutions from row to row."""
+        return self.life / self.last
+
+    def followed(self, indicator: int = 0, rows: int | None = None) -> Iterator[tuple[int, OnlineLife]]:
+        """Each of the first rows, and the online estimator that has taken it."""
+        life = OnlineLife()
+        for row, value in enumerate(self.indicators[:rows, indicator]):
+            life.take(row * self.step_s, self.speed_rpm, float(value))
+            yield row, life
 
 
 def measure(job: Features, *, root: str | Path | None) -> dict[str, Any]:
@@ -134,27 +172,22 @@ def measure(job: Features, *, root: str | Path | None) -> dict[str, Any]:
 
 
 def follow(job: Growth, *, runs: dict[str, Run]) -> dict[str, Any]:
-    """A run by growth alone, at its cuts and at evenly spaced rows.
+    """A run by growth alone, at its cuts and at evenly spaced rows, in revolutions.
 
-    Returns
-    -------
-    dict
-        `at`: for each cut, None without an anomaly, else (since the onset, per row, 5 %, 50 %, 95 %) in revolutions;
-        `along`: rows (lived, since the onset, 5 %, 50 %, 95 %); `alarm`, `onset` (rows or None) and `after` the onset.
+    `at`: for each cut, None without an anomaly, else (since the onset, per row, 5 %, 50 %, 95 %); `along`: rows (lived,
+    since the onset, 5 %, 50 %, 95 %); `alarm`, `onset` (rows or None) and `after` the onset.
     """
     run = runs[job.bearing]
-    series, per_row = run.indicators[:, INDICATORS.index(job.indicator)], run.life / (len(run.indicators) - 1)
-    life, at, along = OnlineLife(), {}, []
-    every = max(len(series) // 60, 1)
-    for row, value in enumerate(series):
-        life.take(row * run.step_s, run.speed_rpm, float(value))
+    at, along = {}, []
+    every = max(len(run.indicators) // 60, 1)
+    for row, life in run.followed(INDICATORS.index(job.indicator)):
         if row not in job.cuts and row % every:
             continue
         found = None
         if life.alarm_row is not None and not life.timeless:
             since = life.revolutions - life.revolutions_at_onset
-            found = (since, per_row, *life.quantiles())
-            if row % every == 0 and row < len(series) - 1:
+            found = (since, run.per_row, *life.quantiles())
+            if row % every == 0 and row < run.last:
                 along.append((life.revolutions, since, *life.quantiles()))
         if row in job.cuts:
             at[row] = found
@@ -168,23 +201,22 @@ def follow(job: Growth, *, runs: dict[str, Run]) -> dict[str, Any]:
 
 def outcome(name: str, run: Run, grown: dict[str, Any]) -> Outcome:
     """What a run that ended says of others."""
-    rows, per_row = np.array(grown["along"], float), run.life / (len(run.indicators) - 1)
-    past = None
+    rows, past = np.array(grown["along"], float), None
     if rows.size:
-        past = PastIntervals(rows[:, 2:], rows[:, 0], rows[:, 1], run.life - rows[:, 0], per_row).thinned()
+        past = PastIntervals(rows[:, 2:], rows[:, 0], rows[:, 1], run.life - rows[:, 0], run.per_row).thinned()
     return Outcome(name, run.life, grown["after"], None, past, load_n=run.load_n)
 
 
 def joined(run: Run, cuts: Sequence[int], grown: dict[str, Any], prior: Prior) -> Array:
     """Quantiles [cuts, SHARES] of remaining revolutions as `OnlineLife` with a prior gives them."""
-    per_row, found = run.life / (len(run.indicators) - 1), []
+    found = []
     for row, at in zip(cuts, grown["at"], strict=True):
         if at is None:
-            found.append(prior.before(row * per_row, SHARES))
+            found.append(prior.before(row * run.per_row, SHARES))
         elif at[4] == 0:  # the end level is reached
             found.append((0.0,) * len(SHARES))
         else:
-            found.append(prior.joined(tuple(at[2:]), row * per_row, at[0], at[1], SHARES))
+            found.append(prior.joined(tuple(at[2:]), row * run.per_row, at[0], at[1], SHARES))
     return np.array(found)
 
 
@@ -194,17 +226,13 @@ def predict(
 ) -> dict[str, Any]:  # fmt: skip
     """Remaining revolutions of a run at its cuts, from the other runs.
 
-    Returns
-    -------
-    dict
-        `point` [cuts] and `quantiles` [cuts, SHARES], which are all equal where a method gives no law; `indicator`.
+    `point` [cuts] and `quantiles` [cuts, SHARES], which are all equal where a method gives no law; `indicator`.
     """
     run, own = runs[job.bearing], cuts[job.bearing]
     others = {name: other for name, other in runs.items() if name != job.bearing}
-    lived = np.array(own) * run.life / (len(run.indicators) - 1)
+    lived = np.array(own) * run.life / run.last
     indicator = INDICATORS[0]
-    law: Array | None = None
-    point: Array | None = None
+    law, point = None, None
     if job.method in (OURS, CHOSEN):
         if job.method == CHOSEN:
             indicator = choose(others, cuts, grown)
@@ -239,9 +267,8 @@ def choose(runs: dict[str, Run], cuts: dict[str, list[int]], grown: dict[tuple[s
         for name, run in runs.items():
             rest = {n: other for n, other in runs.items() if n != name}
             law = joined(run, cuts[name], grown[name, indicator], prior_of(run, rest, grown, indicator))
-            per_row = run.life / (len(run.indicators) - 1)
-            left = run.life - np.array(cuts[name]) * per_row
-            each.append(np.mean(np.abs(np.log((np.median(law, axis=1) + per_row) / (left + per_row)))))
+            left = run.life - np.array(cuts[name]) * run.per_row
+            each.append(np.mean(np.abs(np.log((np.median(law, axis=1) + run.per_row) / (left + run.per_row)))))
         return float(np.mean(each))
 
     return min(INDICATORS, key=error)
@@ -249,14 +276,12 @@ def choose(runs: dict[str, Run], cuts: dict[str, list[int]], grown: dict[tuple[s
 
 def _by_growth(job: Prediction, run: Run, others: dict[str, Run], cuts: list[int]) -> tuple[Array, Array | None]:
     """A rival that follows peak to peak from the onset on; before the alarm, what is left of a usual life."""
-    per_row = run.life / (len(run.indicators) - 1)
     usual = float(np.exp(np.mean([np.log(other.life) for other in others.values()])))
-    ended = [_followed(other) for other in others.values()]
+    ended = [list(other.followed())[-1][1] for other in others.values()]
     after = [life.revolutions - life.revolutions_at_onset for life in ended if life.onset_row is not None]
     usual_after = float(np.exp(np.mean(np.log(after)))) if after else usual
-    life, seen = OnlineLife(), {}
-    for row, value in enumerate(run.indicators[: cuts[-1] + 1, 0]):
-        life.take(row * run.step_s, run.speed_rpm, float(value))
+    seen = {}
+    for row, life in run.followed(rows=cuts[-1] + 1):
         if row in cuts and life.alarm_row is not None and life.onset_row is not None:
             rows, turns, logs = life.amplitudes
             first = int(np.searchsorted(rows, life.onset_row))
@@ -264,14 +289,14 @@ def _by_growth(job: Prediction, run: Run, others: dict[str, Run], cuts: list[int
                 turns[first:] - turns[first], logs[first:], life.scatter, len(turns) - first - 1, life.end_level,
                 usual_after,
             )  # fmt: skip
-    bounds = {row: (max(usual - row * per_row, 0.0),) * 3 for row in cuts if row not in seen}
+    bounds = {row: (max(usual - row * run.per_row, 0.0),) * 3 for row in cuts if row not in seen}
     if job.method == EXPONENTIAL:
         bounds |= {row: (float(rivals.exponential_extrapolation(g)[-1]),) * 3 for row, g in seen.items()}
     else:
         bounds |= _filtered(seen, job.seed)
     each = [bounds[row] for row in cuts]
-    law = [quantiles_of((low, middle, high), per_row / 2, SHARES) for middle, low, high in each]
-    return np.array([bounds[row][0] for row in cuts]), None if job.method == EXPONENTIAL else np.array(law)
+    law = [quantiles_of((low, middle, high), run.per_row / 2, SHARES) for middle, low, high in each]
+    return np.array([middle for middle, _, _ in each]), None if job.method == EXPONENTIAL else np.array(law)
 
 
 def _filtered(seen: dict[int, rivals.Growth], seed: int) -> dict[int, tuple[float, float, float]]:
@@ -289,24 +314,16 @@ def _filtered(seen: dict[int, rivals.Growth], seed: int) -> dict[int, tuple[floa
     return found
 
 
-def _followed(run: Run) -> OnlineLife:
-    life = OnlineLife()
-    for row, value in enumerate(run.indicators[:, 0]):
-        life.take(row * run.step_s, run.speed_rpm, float(value))
-    return life
-
-
 def covariates(run: Run, cuts: Sequence[int]) -> Array:
     """Covariates [cuts, 2 INDICATORS + 1] from rows up to each cut: logarithms of indicators relative to the first
     rows and to the rows just before, and of revolutions at the load."""
     logs = np.log(np.maximum(run.indicators, 1e-12))
     base = np.median(logs[:_HEALTHY], axis=0)
-    per_row = run.life / (len(logs) - 1)
     found = []
     for cut in cuts:
         now = np.median(logs[cut + 1 - max(cut // 33, 10) : cut + 1], axis=0)
         before = np.median(logs[int(0.8 * cut) : int(0.95 * cut)], axis=0)
-        age = np.log(max(cut, 1) * per_row * (run.load_n / 4000) ** LOAD_EXPONENT)
+        age = np.log(max(cut, 1) * run.per_row * (run.load_n / 4000) ** LOAD_EXPONENT)
         found.append([*(now - base), *(now - before), age])
     return np.array(found)
 
@@ -315,9 +332,9 @@ def _learnt(job: Prediction, run: Run, others: dict[str, Run], cuts: list[int], 
     """Quantiles [cuts, SHARES] of remaining over past life by a method that is trained at cuts of the other runs."""
     x, y = [], []
     for other in others.values():
-        at = [round(share * (len(other.indicators) - 1)) for share in np.linspace(*band, TRAINED_AT)]
+        at = [round(share * other.last) for share in np.linspace(*band, TRAINED_AT)]
         x.append(covariates(other, at))
-        y.append([(len(other.indicators) - 1 - row) / row for row in at])
+        y.append([(other.last - row) / row for row in at])
     train, target, own = np.concatenate(x), np.concatenate(y), covariates(run, cuts)
     mean, std = train.mean(axis=0), np.maximum(train.std(axis=0), 1e-9)
     train, own = (train - mean) / std, (own - mean) / std
@@ -356,14 +373,13 @@ def cuts_of(work: Work) -> dict[str, list[int]]:
     found = {}
     for place, (name, run) in enumerate(work["runs"].items()):
         drawn = np.random.default_rng([work.seed, place]).uniform(low, high, work.size.cuts)
-        found[name] = sorted(round(share * (len(run.indicators) - 1)) for share in drawn)
+        found[name] = sorted(round(share * run.last) for share in drawn)
     return found
 
 
 def growths(work: Work) -> Iterator[Growth]:
-    for name in work["runs"]:
-        for indicator in INDICATORS:
-            yield Growth(name, indicator, tuple(work["cuts"][name]))
+    for name, indicator in itertools.product(work["runs"], INDICATORS):
+        yield Growth(name, indicator, tuple(work["cuts"][name]))
 
 
 def grown(work: Work) -> dict[tuple[str, str], dict[str, Any]]:
@@ -372,10 +388,9 @@ def grown(work: Work) -> dict[tuple[str, str], dict[str, Any]]:
 
 def predictions(work: Work) -> Iterator[Prediction]:
     """Every run by every method, those that draw lots with several seeds."""
-    for name in work["runs"]:
-        for method in METHODS:
-            for seed in range(work.seed, work.seed + (work.size.seeds if method in DRAWN else 1)):
-                yield Prediction(name, method, seed)
+    for name, method in itertools.product(work["runs"], METHODS):
+        for seed in range(work.seed, work.seed + (work.size.seeds if method in DRAWN else 1)):
+            yield Prediction(name, method, seed)
 
 
 def of_runs(work: Work) -> Inputs:

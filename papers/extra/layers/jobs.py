@@ -20,19 +20,19 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from papers.arrays import Array
+from papers.options import expect
 from papers.paper3_zoa_dann.comparison.jobs import Cell, kept_modes, prepared
 from papers.paper3_zoa_dann.comparison.jobs import read_options as read_comparison
 from papers.paper3_zoa_dann.comparison.task_files import Material, load_recordings, read_task, windows_to_adapt_to
 from papers.paper3_zoa_dann.inputs.options import read_options as read_common
 from papers.paper3_zoa_dann.source import Recipe, simulate
 from twingap.adapt import METHODS, Fitted, ModeInputs, Training, Windows, fit
-from twingap.errors import TwingapError
 
 if TYPE_CHECKING:
     from papers.framework import Work
     from twingap.sweep import Result
 
-Array = NDArray[np.float64]
 LAYERS: Final = (
     "denoising.branches", "denoising.fusion", "denoising.gate", "lift", "attention", "feed_forward",
 )  # fmt: skip
@@ -74,10 +74,7 @@ class Trial:
 def check(options: Options, path: Path) -> None:
     """Refuse methods that there are none of, or that have no network."""
     for name in options.methods:
-        if name not in METHODS or METHODS[name].architecture is None:
-            raise TwingapError(
-                f"no network {name!r}", where=f"{path}: methods", mend=f"use some of {', '.join(METHODS)}"
-            )
+        expect(name, [own for own in METHODS if METHODS[own].architecture is not None], f"{path}: methods")
 
 
 def results(work: Work) -> list[tuple[str, Result[Trial]]]:
@@ -100,10 +97,7 @@ def results(work: Work) -> list[tuple[str, Result[Trial]]]:
                 for seed in seeds for method in work.options.methods
             ]  # fmt: skip
             with kept_modes(work.out) as modes:
-                inputs = {
-                    "material": (ready.material, ready.material.digest), "labelled": (labelled, None),
-                    "modes": (modes, None),
-                }  # fmt: skip
+                inputs = ready.inputs | {"labelled": (labelled, None), "modes": (modes, None)}
                 made = work.sweep(probe, jobs, inputs, lambda job: f"{job.task}, {job.method}, seed {job.seed}")
             found += [(target.title, own) for own in made]
     work.title = ", ".join(dict.fromkeys(title for title, _ in found))
@@ -113,11 +107,8 @@ def results(work: Work) -> list[tuple[str, Result[Trial]]]:
 def probe(job: Trial, material: Material, labelled: Windows, modes: Path | None = None) -> dict[str, Any]:
     """Train, and see what each layer and each checkpoint make of the judged windows.
 
-    Returns
-    -------
-    dict
-        ``checkpoints``, a list, and ``layers``, by name: "simulated" and "true labels" of each, shares of the judged
-        windows called right by class; ``chosen``, the place of the checkpoint chosen without labels.
+    ``checkpoints``, a list, and ``layers``, by name: "simulated" and "true labels" of each, shares of the judged
+    windows called right by class; ``chosen``, the place of the checkpoint chosen without labels.
     """
     source, truth = simulate(job.recipe), material.evaluate.labels
     assert source.labels is not None and labelled.labels is not None and truth is not None

@@ -6,6 +6,7 @@ snapshots (FEMTO) --before or after the alarm--> records -----------------------
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import functools
 import zlib
@@ -20,10 +21,9 @@ from papers.extra.femto import jobs as femto
 from papers.paper1_rul_varying_speed.cases import Case, Target, load_target, read_case
 from papers.paper1_rul_varying_speed.lives.options import Options, read_options
 from papers.paper1_rul_varying_speed.methods.simulated_lives import LifeSimulator, SignalModel, Snapshots
+from twingap import Condition, Record, RecordSet, TwingapError
 from twingap.data import NotAtHandError, load
-from twingap.errors import TwingapError
 from twingap.prognosis.online import OnlineLife
-from twingap.records import Condition, Record, RecordSet
 from twingap.twins.twin_file import TwinSpec
 
 HEALTHY, SEEN, LATER = "healthy", "anomaly to now", "after now"
@@ -65,21 +65,10 @@ def stage_of(case: Case, stage: str) -> Snapshots:
 
 
 def pair_of(asked: Asked, cases: Sequence[Case], model: SignalModel) -> tuple[RecordSet, RecordSet]:
-    """Measured records of a stage, and the twin's at their speeds and peaks to peak.
+    """Measured records of a stage of these bearings, and the twin's at their speeds and peaks to peak.
 
-    Raises `TwingapError` when fewer than two records are of this stage and speed.
-
-    Parameters
-    ----------
-    cases : sequence of Case
-        Of its bearings.
-    model : SignalModel
-        Of the twin.
-
-    Returns
-    -------
-    RecordSet, RecordSet
-        Groups are bearings; of one bearing alone, each record is a group of its own.
+    Groups are bearings; of one bearing alone, each record is a group of its own. Raises `TwingapError` when fewer than
+    two records are of this stage and speed.
     """
     rng = asked.rng
     real: list[Record] = []
@@ -89,9 +78,9 @@ def pair_of(asked: Asked, cases: Sequence[Case], model: SignalModel) -> tuple[Re
         known = case.known
         own = stage_of(case, asked.stage)
         here = np.flatnonzero((own.speed_rpm >= low) & (own.speed_rpm < high))
-        own = own.take(here[spread(here.size, RECORDS // len(cases))])
-        if not len(own):
+        if not here.size:
             continue
+        own = own.take(here[spread(here.size, RECORDS // len(cases))])
         fault = "healthy" if asked.stage == HEALTHY else known.fault
         names = [f"{case.name}-{int(p)}" for p in own.position]
         groups = [case.name if len(cases) > 1 else name for name in names]
@@ -109,10 +98,10 @@ def pair_of(asked: Asked, cases: Sequence[Case], model: SignalModel) -> tuple[Re
             made += as_records(samples, own.speed_rpm, known.fs_hz, fault, again, groups)
     if len(real) < 2:
         raise TwingapError(f"{len(real)} records, 2 or more needed", where=asked.words)
-    first = cases[0].known
+    unit, bearing = cases[0].known.unit, cases[0].known.bearing
     return (
-        RecordSet.from_records(asked.words, first.unit, first.bearing, real),
-        RecordSet.from_records(f"twin of {asked.words}", first.unit, first.bearing, made),
+        RecordSet.from_records(asked.words, unit, bearing, real),
+        RecordSet.from_records(f"twin of {asked.words}", unit, bearing, made),
     )
 
 
@@ -125,8 +114,6 @@ def as_records(
 
 def spread(count: int, wanted: int) -> np.ndarray[Any, np.dtype[np.int64]]:
     """At most so many places of `count`, evenly."""
-    if not count:
-        return np.zeros(0, np.int64)
     return np.unique(np.linspace(0, count - 1, min(count, wanted)).round().astype(np.int64))
 
 
@@ -178,11 +165,9 @@ def row_of(asked: Asked, real: RecordSet, spec: TwinSpec, sim: RecordSet | None)
 
 def target_of(options: Options, root: str | None, names: Sequence[str]) -> Target:
     """The paper's own set where the root holds it, else the virtual rig: the root may be there for FEMTO alone."""
-    try:
-        return load_target(options.target, None if root is None else Path(root), names)
-    except NotAtHandError:
-        if root is None:
-            raise
+    if root is not None:
+        with contextlib.suppress(NotAtHandError):
+            return load_target(options.target, Path(root), names)
     return load_target(options.target, None, names)
 
 

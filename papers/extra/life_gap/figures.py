@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
+from papers.figures import rule
 from papers.framework import Work
 
 BEFORE, AFTER = "#D55E00", "#0072B2"
@@ -42,8 +43,7 @@ def gaps(told: pd.DataFrame) -> Figure:
         axes.set_ylim(bottom=0)
         axes.set_ylabel("overall gap")
         axes.set_xlabel(grouped["data"].iloc[0], labelpad=8)
-        axes.grid(axis="y", color="0.9")
-        axes.set_axisbelow(True)
+        rule(axes, "y")
     handles, labels = figure.axes[0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=3)
     return figure

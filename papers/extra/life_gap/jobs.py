@@ -12,6 +12,7 @@ each stage, and nothing is trained on it.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -22,9 +23,8 @@ from papers.paper1_rul_varying_speed.cases import Case, read_case
 from papers.paper1_rul_varying_speed.job import Added, Job, job_of, train_and_judge
 from papers.paper1_rul_varying_speed.lives.options import Options as Lives
 from papers.paper1_rul_varying_speed.lives.options import read_options
-from papers.paper1_rul_varying_speed.models import architecture_of
-from twingap.data import load
-from twingap.data.root import NotAtHandError, data_root
+from papers.paper1_rul_varying_speed.methods.architecture import architecture_of
+from twingap.data import NotAtHandError, data_root, load
 from twingap.gap.knowledge import shipped_digest
 from twingap.provenance import digest_of_path
 
@@ -86,19 +86,14 @@ def diagnosis_inputs(work: Work) -> Inputs:
     """Where the records are, and the digests of all that a diagnosis reads."""
     read = {"learnt": shipped_digest(), **work["femto"][1]}
     read |= {name: case.digest for name, case in work["cases"].items()}
-    return {
-        "root": (root_of(work), " ".join(read.values())),
-        "config": (str(lives_config(work)), repr(work["options"])),
-    }
+    config = str(lives_config(work)), repr(work["options"])
+    return {"root": (root_of(work), " ".join(read.values())), "config": config}
 
 
 def trained(work: Work) -> list[Result[Job]]:
     """Trainings without and with the effects that were named on each run."""
-    named = {
-        r.job.bearings[0]: added(dict(r.value))
-        for r in work["diagnoses"]
-        if r.job.data == "rig" and r.job.speed == "all"
-    }
+    alone = (r for r in work["diagnoses"] if (r.job.data, r.job.speed) == ("rig", "all"))
+    named = {r.job.bearings[0]: added(dict(r.value)) for r in alone}
     found: list[Result[Job]] = []
     for name, case in work["cases"].items():
         found += work.sweep(
@@ -113,25 +108,22 @@ def added(row: dict[str, Any]) -> Added | None:
     """Effects of a verdict as part of a training; None when none is named or could be added."""
     if row["refused"] or not row["added"]:
         return None
-    return Added(
-        tuple((name, tuple(sorted(values.items()))) for name, values in row["added"].items()), float(row["scale"])
-    )  # fmt: skip
+    effects = tuple((name, tuple(sorted(values.items()))) for name, values in row["added"].items())
+    return Added(effects, float(row["scale"]))
 
 
 def trainings_of(case: Case, options: Lives, more: Added | None, size: Size) -> Iterator[Job]:
     """Trainings without and with the named effects."""
-    for seed in range(size.seeds):
-        for what in (None, more) if more is not None else (None,):
-            for model in MODELS:
-                shape = architecture_of(model, printed=options.judging.printed)
-                yield job_of(case, options, VARIANT, model, shape, seed, size, added=what)
+    twins = (None, more) if more is not None else (None,)
+    for seed, what, model in itertools.product(range(size.seeds), twins, MODELS):
+        shape = architecture_of(model, printed=options.judging.printed)
+        yield job_of(case, options, VARIANT, model, shape, seed, size, added=what)
 
 
 def questions(bearings: Sequence[str], femto_runs: Sequence[str], seed: int) -> Iterator[Asked]:
     """Every diagnosis: the rig's by stage and speed, each run up to now, FEMTO's by stage and condition."""
-    for stage in STAGES:
-        for speed in SPEEDS:
-            yield Asked("rig", stage, speed, tuple(bearings), seed)
+    for stage, speed in itertools.product(STAGES, SPEEDS):
+        yield Asked("rig", stage, speed, tuple(bearings), seed)
     for bearing in bearings:
         yield Asked("rig", SEEN, "all", (bearing,), seed)
     for condition in sorted({name[len("Bearing")] for name in femto_runs}):

@@ -2,7 +2,6 @@
 
 from papers.extra.life_gap import diagnoses, figures, jobs, tables
 from papers.framework import Step, Study
-from papers.paper1_rul_varying_speed.lives.figures import STYLE
 
 STUDY = Study(
     name="life_gap",
@@ -17,6 +16,6 @@ STUDY = Study(
     ),
     tables=tables.all_tables,
     figures=figures.all_figures,
-    style=STYLE,
+    letters=(12, 10),
     headlines=("life_gap", "life_gap_summary"),
 )

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from papers.extra.life_gap.diagnoses import Asked
-from papers.framework import Work
+from papers.framework import Rows, Work, as_table
 from papers.paper1_rul_varying_speed.job import Job
 from twingap.adapt.evaluate import t_interval
 
@@ -20,16 +20,15 @@ def all_tables(work: Work) -> dict[str, pd.DataFrame]:
     return {"life_gap": told, "life_gap_rmse": every, "life_gap_summary": summary(every)}
 
 
-def verdicts(title: str, answers: Sequence[tuple[Asked, dict[str, Any]]]) -> pd.DataFrame:
-    rows = []
+@as_table
+def verdicts(title: str, answers: Sequence[tuple[Asked, dict[str, Any]]]) -> Rows:
     for asked, row in answers:
         line: dict[str, Any] = {
             "data": title if asked.data == "rig" else "FEMTO",
             "bearings": asked.bearings[0] if len(asked.bearings) == 1 else f"{len(asked.bearings)} bearings",
             "stage": asked.stage, "speed": asked.speed, "records": row["records"],
         }  # fmt: skip
-        rows.append(line | verdict(row) | ({} if row["refused"] else {"where": "; ".join(row["where"])}))
-    return pd.DataFrame(rows)
+        yield line | verdict(row) | ({} if row["refused"] else {"where": "; ".join(row["where"])})
 
 
 def verdict(row: dict[str, Any]) -> dict[str, Any]:
@@ -45,36 +44,29 @@ def verdict(row: dict[str, Any]) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def errors(title: str, results: Sequence[tuple[Job, dict[str, Any]]]) -> pd.DataFrame:
+@as_table
+def errors(title: str, results: Sequence[tuple[Job, dict[str, Any]]]) -> Rows:
     """RMSE (min) by run and model without and with the effects; of runs where none was added, both alike."""
-    rows = []
     for job, value in results:
-        rows.append({
+        yield {
             "data": title, "bearing": job.bearing, "model": job.model, "seed": job.seed,
             "added": "" if job.added is None else ", ".join(name for name, _ in job.added.effects),
             "rmse_min": value["rmse_min"][value["place"]], "oracle_min": min(value["rmse_min"]),
-        })  # fmt: skip
-    return pd.DataFrame(rows)
+        }  # fmt: skip
 
 
-def summary(every: pd.DataFrame) -> pd.DataFrame:
+@as_table
+def summary(every: pd.DataFrame) -> Rows:
     """Mean RMSE over runs by model, before and after, and the ratio with its 90 % interval over seeds."""
-    out = []
     for model, own in every.groupby("model", sort=False):
-        before = own[own["added"] == ""].pivot(index="bearing", columns="seed", values="rmse_min")
-        after = own[own["added"] != ""].pivot(index="bearing", columns="seed", values="rmse_min")
-        out.append({"data": own["data"].iloc[0], "model": model, **compared(before, after)})
-    return pd.DataFrame(out)
+        parts = (own[own["added"] == ""], own[own["added"] != ""])
+        before, after = (part.pivot(index="bearing", columns="seed", values="rmse_min") for part in parts)
+        yield {"data": own["data"].iloc[0], "model": model, **compared(before, after)}
 
 
 def compared(before: pd.DataFrame, after: pd.DataFrame) -> dict[str, float]:
-    """Errors before and after, their ratio with its 90 % interval over seeds, and on how many runs it is below 1.
-
-    Parameters
-    ----------
-    before, after : DataFrame [runs, seeds]
-        RMSE, min; runs that `after` lacks count as unchanged.
-    """
+    """Errors before and after [runs, seeds], min, their ratio with its 90 % interval over seeds, and on how many runs
+    it is below 1; runs that `after` lacks count as unchanged."""
     after = after.reindex(index=before.index, columns=before.columns).fillna(before)
     ratios = (after.mean() / before.mean()).to_numpy()
     low, high = t_interval(list(ratios), 0.9)

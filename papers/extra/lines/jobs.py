@@ -18,20 +18,16 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
+from papers.arrays import Array
 from papers.paper2_digital_twin.availability.records import RATE_HZ, TITLES
+from twingap import Bearing, RecordSet, TwingapError
 from twingap import data as datasets
-from twingap.bearing import Bearing
-from twingap.errors import TwingapError
-from twingap.records import RecordSet
-from twingap.signal.envelope import lines_at, squared_envelope_spectrum
-from twingap.signal.spectrum import Spectrum
+from twingap.signal import Spectrum, lines_at, squared_envelope_spectrum
 
 if TYPE_CHECKING:
     from papers.framework import Work
 
-Array = NDArray[np.float64]
 RIG: Final = "virtual_cwru"
 FAULTS: Final = ("inner", "outer", "ball")
 HEALTHY: Final = "healthy"
@@ -58,18 +54,15 @@ class Options:
 
 
 def prominences(x: Array, fs_hz: float, turn_hz: float, bearing: Bearing, options: Options) -> Array:
-    """How far the line of each fault stands out in the squared-envelope spectrum of each band.
+    """How far the line of each fault stands out in the squared-envelope spectrum of each band [bands, faults].
+
+    Over the spectrum's median around it; geometric mean over harmonics.
 
     Parameters
     ----------
     x : Array [samples]
     fs_hz, turn_hz : float
         Sampling rate and rate of the shaft, Hz.
-
-    Returns
-    -------
-    Array [bands, faults]
-        Over the spectrum's median around it; geometric mean over harmonics.
     """
     rows = []
     for low, high in options.bands:
@@ -86,17 +79,7 @@ def prominences(x: Array, fs_hz: float, turn_hz: float, bearing: Bearing, option
 def read(records: RecordSet, sensor: str, options: Options) -> pd.DataFrame:
     """A row for each recording of a sensor, healthy ones too, that is long enough.
 
-    Parameters
-    ----------
-    records : RecordSet
-        With a bearing.
-    sensor : str
-        What to call it.
-
-    Returns
-    -------
-    DataFrame
-        Columns ``inner``, ``outer``, ``ball``: prominence in the band where it is highest.
+    Columns ``inner``, ``outer``, ``ball``: prominence in the band where it is highest.
     """
     if records.bearing is None:
         raise TwingapError(f"{records.name} names no bearing, and so no order of a fault")

@@ -10,7 +10,7 @@ labels; the forest and "No adaptation" are fitted without them.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -19,17 +19,16 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from papers.arrays import Array
 from papers.extra.baselines.jobs import PLAIN, SETTINGS, chosen, scores
+from papers.options import expect
+from twingap import Condition, RecordSet, TwingapError
 from twingap import data as datasets
-from twingap.adapt import CRITERIA, Windows
-from twingap.adapt.fleets import Fleets
+from twingap.adapt import CRITERIA, Fleets, Population, Windows
 from twingap.adapt.order_features import names, order_features
 from twingap.adapt.order_forest import MOST_MEMBERS, examples
-from twingap.adapt.population import Population
 from twingap.bearing import FAULTS, Bearing
-from twingap.errors import TwingapError
 from twingap.provenance import digest_of_path, digest_of_value
-from twingap.records import Condition, RecordSet
 from twingap.signal.features import time_features
 from twingap.twins.twin_file import TwinSpec
 
@@ -39,7 +38,6 @@ if TYPE_CHECKING:
     from papers.framework import Work
     from twingap.sweep import Result
 
-Array = NDArray[np.float64]
 Labels = NDArray[np.int64]
 Rows = Mapping[str, NDArray[Any]]
 """Features by view [windows, features], with the ``label`` and the ``recording`` of each window."""
@@ -131,15 +129,12 @@ class Trial:
 
 def check(options: Options, path: Path) -> None:
     """Refuse names that do not exist, and windows that cannot be cut."""
-    asked = {name: "scenarios" for size in options.profiles.values() for name in size.scenarios}
-    asked |= {options.criterion: "criteria"} | {own.data: "data sets" for own in options.scenarios.values()}
-    known: dict[str, Collection[str]] = {
-        "scenarios": options.scenarios, "criteria": CRITERIA, "data sets": TITLES,
-    }  # fmt: skip
-    for name, kind in asked.items():
-        if name not in known[kind]:
-            raise TwingapError(f"{name!r} is not one of the {kind}", where=path, mend=f"use {', '.join(known[kind])}")
+    expect(options.criterion, CRITERIA, f"{path}: criterion")
+    for profile, size in options.profiles.items():
+        for name in size.scenarios:
+            expect(name, options.scenarios, f"{path}: profiles.{profile}.scenarios")
     for name, own in options.scenarios.items():
+        expect(own.data, TITLES, f"{path}: scenarios.{name}.data")
         if own.window < 2 or not 0 <= own.overlap < 1 or len(own.published) != 2:
             what = "window > 1, 0 <= overlap < 1 and two published counts expected"
             raise TwingapError(what, where=f"{path}: scenarios.{name}")
@@ -171,10 +166,8 @@ def load_splits(work: Work) -> list[Split]:
 def split(name: str, scenario: Scenario, records: RecordSet, path: Path) -> Split:
     """Recordings that teach and that are judged; what is shorter than a window is left out.
 
-    Raises
-    ------
-    TwingapError
-        For a query that cannot be read, a part without recordings, recordings in both, or classes that nothing teaches.
+    Raises `TwingapError` for a query that cannot be read, a part without recordings, recordings in both, or classes
+    that nothing teaches.
     """
     where, table = f"{path}: scenarios.{name}", records.table
     table = table[table["n_samples"] >= scenario.window]
@@ -240,12 +233,8 @@ def read(job: Reading, root: Path | None) -> dict[str, NDArray[np.float32]]:
 def indicators(x: Array, fs_hz: float) -> Array:
     """The eleven indicators of pdm-bench's default configuration: seven of time, four of the spectrum [windows, 11].
 
-    Parameters
-    ----------
-    x : Array [windows, samples]
-    fs_hz : float
-        Sampling rate, Hz. The spectrum's mean, centre (of the amplitude times frequency), root mean square and spread
-        about the centre are in Hz, weighted by the amplitudes of the Hann-windowed transform.
+    Of windows x [windows, samples]. The spectrum's mean, centre (of the amplitude times frequency), root mean square
+    and spread about the centre are in Hz, weighted by the amplitudes of the Hann-windowed transform.
     """
     amplitude = np.abs(np.fft.rfft(x * np.hanning(x.shape[1]), axis=1))
     f = np.fft.rfftfreq(x.shape[1], 1 / fs_hz)
@@ -286,11 +275,8 @@ def trials(own: Split, work: Work) -> Iterator[Trial]:
 def run_trial(job: Trial, train: Rows, judge: Rows) -> dict[str, dict[str, Any]]:
     """Fit every method, choose its setting without labels of the judged part, judge.
 
-    Returns
-    -------
-    dict
-        Method -> `scores` of the judged windows, ``oracle`` (accuracy of the best setting by their labels),
-        ``recordings`` (accuracy of recordings by the mean probability over their windows), ``setting``.
+    Method -> `scores` of the judged windows, ``oracle`` (accuracy of the best setting by their labels), ``recordings``
+    (accuracy of recordings by the mean probability over their windows), ``setting``.
     """
     from sklearn.ensemble import RandomForestClassifier
 

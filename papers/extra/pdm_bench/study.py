@@ -1,9 +1,45 @@
-"""Declaration of the study of pdm-bench's scenarios."""
+"""Study of pdm-bench's scenarios, and its tables: what was at hand, every trial, means over seeds."""
+
+from __future__ import annotations
 
 from importlib.util import find_spec
 
-from papers.extra.pdm_bench import jobs, tables
-from papers.framework import Step, Study
+import pandas as pd
+
+from papers.extra.pdm_bench import jobs
+from papers.framework import Rows, Step, Study, Work, as_table
+
+MEASURES = ["accuracy", "oracle", "macro_f1", "auroc", "recordings"]
+
+
+def all_tables(work: Work) -> dict[str, pd.DataFrame]:
+    """Every table by name; means are over seeds, with the deviation of the accuracy."""
+    rows = pd.DataFrame(
+        {
+            "scenario": own.job.scenario, "source": own.job.source, "features": own.job.view, "method": method,
+            "seed": own.job.seed, **{name: value[name] for name in MEASURES}, "setting": value["setting"],
+        }
+        for own in work["results"]
+        for method, value in own.value.items()
+    )  # fmt: skip
+    grouped = rows.groupby(["scenario", "source", "features", "method"], sort=False)
+    means = grouped[MEASURES].mean().assign(accuracy_std=grouped["accuracy"].std()).reset_index()
+    return {"pdm_bench-scenarios": scenarios(work), "pdm_bench-mean": means, "pdm_bench": rows}
+
+
+@as_table
+def scenarios(work: Work) -> Rows:
+    """A row per scenario: recordings at hand and those of pdm-bench, windows, and the share of the largest class."""
+    for own in work["splits"]:
+        train, judge, _ = work["rows"][own.name]
+        teach, judged = own.scenario.published
+        yield {
+            "scenario": own.name, "data": jobs.TITLES[own.records.name], "classes": ", ".join(own.classes),
+            "teach": len(own.train), "of published": teach, "windows that teach": len(train["label"]),
+            "judged": len(own.judge), "of published judged": judged, "windows judged": len(judge["label"]),
+            "largest class": pd.Series(judge["label"]).value_counts(normalize=True).max(),
+        }  # fmt: skip
+
 
 STUDY = Study(
     name="pdm_bench",
@@ -11,7 +47,7 @@ STUDY = Study(
     options=jobs.Options,
     check=jobs.check,
     steps=(Step("splits", jobs.load_splits), Step("rows", jobs.read_rows), Step("results", jobs.results)),
-    tables=tables.all_tables,
+    tables=all_tables,
     headlines=("pdm_bench-scenarios", "pdm_bench-mean"),
     at_hand=lambda root: find_spec("skada") is not None,
 )

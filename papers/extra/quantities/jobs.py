@@ -11,6 +11,7 @@ no noise added; windows are shifted and turned about only where they are wavefor
 from __future__ import annotations
 
 import dataclasses
+import itertools
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Final
 
@@ -32,16 +33,14 @@ METHODS: Final = ("Non-DA", "Non-DA, gap closed", "DANN", "Proposed")
 def trials(ready: Prepared, task: TaskFile, options: Options, common: Common, steps: int) -> Iterator[Trial]:
     """Each quantity under each method, at each seed of the cell."""
     judging, cell = common.judging, ready.cell
-    for seed in cell.seeds:
-        for method in METHODS:
-            closed = options.closed[task.family] if method in CLOSED else ()
-            for quantity in QUANTITIES:
-                inputs = dataclasses.replace(options.inputs, quantity=quantity)
-                training = dataclasses.replace(options.training, steps=steps, vary=inputs.waveforms)
-                yield Trial(
-                    task.name, cell.available, cell.unseen, method, seed, None, training, inputs, judging.criterion,
-                    judging.held_out, judging.false_alarm, dataclasses.replace(ready.recipe, closed=closed),
-                )  # fmt: skip
+    for seed, method, quantity in itertools.product(cell.seeds, METHODS, QUANTITIES):
+        closed = options.closed[task.family] if method in CLOSED else ()
+        inputs = dataclasses.replace(options.inputs, quantity=quantity)
+        training = dataclasses.replace(options.training, steps=steps, vary=inputs.waveforms)
+        yield Trial(
+            task.name, cell.available, cell.unseen, method, seed, None, training, inputs, judging.criterion,
+            judging.held_out, judging.false_alarm, dataclasses.replace(ready.recipe, closed=closed),
+        )  # fmt: skip
 
 
 def _asked(cell: Cell, same_bearings: bool) -> bool:
@@ -54,12 +53,11 @@ def networks(work: Work) -> list[tuple[str, Result[Trial]]]:
     for task, target in work["tasks"]:
         chosen = [cell for cell in cells(task, size, work.seed) if _asked(cell, task.same_bearings)]
         for ready in prepared(work, task, target, common, size, chosen):
+            jobs = trials(ready, task, options, common, size.steps)
             with kept_modes(work.out) as modes:
+                inputs = ready.inputs | {"device": (work.device, None), "modes": (modes, None)}
                 trained = work.sweep(
-                    run_trial, trials(ready, task, options, common, size.steps),
-                    {"material": (ready.material, ready.material.digest), "device": (work.device, None),
-                     "modes": (modes, None)},
-                    lambda job: f"{job.words}, {job.inputs.quantity}", f"task {task.name}",
-                )  # fmt: skip
+                    run_trial, jobs, inputs, lambda job: f"{job.words}, {job.inputs.quantity}", f"task {task.name}"
+                )
             found += [(target.title, own) for own in trained]
     return found

@@ -10,6 +10,7 @@ What the other runs say is what they showed by their own ends; the run judged ha
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -56,6 +57,5 @@ def amplitudes(job: Bench) -> dict[str, Any]:
 
 def jobs(work: Work) -> Iterator[Bench]:
     """Every bearing on every bench; the run's seed is added to the benches'."""
-    for bench in work.size.benches:
-        for bearing in work.size.bearings:
-            yield Bench(work.seed + bench, bearing, work.size.interval_s, work.size.duration_s)
+    for bench, bearing in itertools.product(work.size.benches, work.size.bearings):
+        yield Bench(work.seed + bench, bearing, work.size.interval_s, work.size.duration_s)

@@ -11,30 +11,28 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import itertools
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from papers.paper2_digital_twin.availability.jobs import NetworkJob, read_options
 from papers.paper2_digital_twin.availability.jobs import Options as Common
-from papers.paper2_digital_twin.availability.records import TITLES, Measured, at_hand, measure
-from papers.paper2_digital_twin.availability.source import BASELINE_PIECES
-from papers.paper2_digital_twin.methods.scalograms import ImageOptions, Modulation, images, modulation, pieces_of
-from twingap.bearing import Bearing
+from papers.paper2_digital_twin.availability.records import Measured, measure
+from papers.paper2_digital_twin.availability.source import BASELINE_PIECES, Image, pooled_images
+from papers.paper2_digital_twin.methods.scalograms import ImageOptions, modulation, pieces_of
+from twingap import Bearing, Condition
 from twingap.effects import Effect, make_effect
 from twingap.provenance import digest_of_value
-from twingap.records import Condition, RecordSet
 from twingap.twins.contact import ContactTwin
 from twingap.twins.contact_parameters import PRESETS
 
 if TYPE_CHECKING:
     from papers.framework import Inputs, Work
 
-Array = NDArray[np.float64]
 Kind = Literal["as printed", "gap closed"]
 KINDS: Final[tuple[Kind, ...]] = ("as printed", "gap closed")
 
@@ -79,14 +77,10 @@ class Population:
 
 
 def simulate(population: Population) -> dict[str, Any]:
-    """Images of a population, as `availability_source.simulate` gives them: a machine has a record of each class.
-
-    Returns
-    -------
-    dict
-        ``images`` float32 [images, 3, carriers, orders], ``labels`` [images], ``machine`` [images].
-    """
-    own, made, labels, machine = population, [], [], []
+    """Images of a population, as `availability.source.simulate` gives them: a machine has a record of each class."""
+    own = population
+    made: list[Image] = []
+    about: list[tuple[int, int]] = []
     for number in range(own.machines):
         rng = np.random.default_rng([own.seed, number])
         speed = float(rng.choice(own.speeds_rpm))
@@ -98,13 +92,10 @@ def simulate(population: Population) -> dict[str, Any]:
         found = [modulation(pieces_of(r.samples, length), own.fs_hz, speed, own.image) for r in records]
         power = found[0].power.mean(axis=0)
         for place, each in enumerate(found[1:]):
-            for size in own.pooled:
-                chosen = rng.permutation(len(each))[:size]
-                part = Modulation(each.lines[chosen], each.power[chosen]).pooled()
-                made.append(images(part, power, own.image)[0])
-                labels.append(place)
-                machine.append(number)
-    return {"images": np.stack(made), "labels": np.array(labels), "machine": np.array(machine)}
+            made += pooled_images(each, own.pooled, power, own.image, rng)
+            about += [(place, number)] * len(own.pooled)
+    labels, machine = np.array(about).T
+    return {"images": np.stack(made), "labels": labels, "machine": machine}
 
 
 def machine_of(population: Population, speed_rpm: float, rng: np.random.Generator) -> ContactTwin:
@@ -136,14 +127,6 @@ def _population(options: Options, common: Common, data: Measured, kind: Kind, ma
     )  # fmt: skip
 
 
-def load_sets(work: Work) -> dict[str, RecordSet]:
-    """Those of the data sets that are at hand; the virtual rig when none is."""
-    names = work.options.data[:1] if work.size.smoke else work.options.data
-    found = at_hand(names, work.root, work.size.rig_duration_s)
-    work.title = ", ".join(TITLES[name] for name in found)
-    return found
-
-
 def measured(work: Work) -> dict[str, Measured]:
     image = read_options().image
     return {name: measure(found, name, image) for name, found in work["records"].items()}
@@ -162,13 +145,11 @@ def populations(work: Work) -> list[Population]:
 def networks(work: Work) -> Iterator[NetworkJob]:
     common, size = read_options(), work.size
     training = dataclasses.replace(common.training, steps=size.steps)
-    for seed in range(work.seed, work.seed + size.seeds):
-        for name in work["data"]:
-            for kind in KINDS:
-                for fold in range(1 if size.smoke else common.folds):
-                    yield NetworkJob(
-                        name, kind, fold, common.folds, seed, (), common.criterion, training, common.head, common.image
-                    )
+    seeds, folds = range(work.seed, work.seed + size.seeds), range(1 if size.smoke else common.folds)
+    for seed, name, kind, fold in itertools.product(seeds, work["data"], KINDS, folds):
+        yield NetworkJob(
+            name, kind, fold, common.folds, seed, (), common.criterion, training, common.head, common.image
+        )
 
 
 def inputs(work: Work) -> Inputs:

@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import itertools
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -29,10 +30,9 @@ from papers.paper1_rul_varying_speed.job import Job, job_of, train_and_judge
 from papers.paper1_rul_varying_speed.lives.options import Options as Lives
 from papers.paper1_rul_varying_speed.lives.options import read_options
 from papers.paper1_rul_varying_speed.methods.adaptive_twin import Adaptation, NoLifeError, lives_that_may_follow
-from papers.paper1_rul_varying_speed.methods.architecture import LifeArchitecture
+from papers.paper1_rul_varying_speed.methods.architecture import MODELS, LifeArchitecture, architecture_of
 from papers.paper1_rul_varying_speed.methods.metrics import rmse
-from papers.paper1_rul_varying_speed.models import MODELS, architecture_of
-from twingap.errors import TwingapError
+from twingap import TwingapError
 
 if TYPE_CHECKING:
     from papers.framework import Work
@@ -133,10 +133,9 @@ def with_true_lives(case: Case, options: Adaptation) -> Case:
 
 def trainings_of(case: Case, options: Lives, size: Size, seed: int) -> Iterator[Job]:
     """Models innermost: those of a seed share their simulated records."""
-    for k in range(size.seeds):
-        for model in size.models:
-            shape = architecture_of(model, printed=options.judging.printed, models=ADVERSARIAL)
-            yield job_of(case, options, VARIANT, model, shape, seed + k, size)
+    for k, model in itertools.product(range(size.seeds), size.models):
+        shape = architecture_of(model, printed=options.judging.printed, models=ADVERSARIAL)
+        yield job_of(case, options, VARIANT, model, shape, seed + k, size)
 
 
 def _words(lives: str, job: Job) -> str:

@@ -1,13 +1,57 @@
-"""Declaration of the ablation."""
+"""Study of the ablation, and its tables: errors by lives, bearing and model; by lives and model beside DANN's."""
 
-from papers.framework import Step, Study
-from papers.paper1_rul_varying_speed.ablation import jobs, tables
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import pandas as pd
+
+from papers.framework import Step, Study, Work
+from papers.paper1_rul_varying_speed.ablation import jobs
+from twingap.adapt.evaluate import t_interval
+
+
+def all_tables(work: Work) -> dict[str, pd.DataFrame]:
+    """Every table by name; the last only where no life of some run could be simulated."""
+    made = tables_of(work["rows"])
+    if work["left out"]:
+        about = [{"data": work.title, "bearing": name, "why": why} for name, why in work["left out"].items()]
+        made["ablation_left_out"] = pd.DataFrame(about)
+    return made
+
+
+def tables_of(rows: Sequence[dict[str, Any]]) -> dict[str, pd.DataFrame]:
+    """Errors by lives, bearing and model over seeds; and by lives and model over bearings, beside DANN's."""
+    every = pd.DataFrame(rows)
+    by_bearing = every.groupby(["data", "lives", "bearing", "model"], sort=False).agg(
+        seeds=("seed", "size"), rmse_min=("rmse_min", "mean"), std=("rmse_min", "std"), bias_min=("bias_min", "mean"),
+        lives_rmse_min=("lives_rmse_min", "mean"), lives_bias_min=("lives_bias_min", "mean"),
+    ).reset_index()  # fmt: skip
+    summary = []
+    for (data, lives), own in every.groupby(["data", "lives"], sort=False):
+        errors = {
+            model: part.pivot(index="bearing", columns="seed", values="rmse_min")
+            for model, part in own.groupby("model", sort=False)
+        }
+        dann = errors[jobs.DANN]
+        for model, part in errors.items():
+            ratios = (part.mean() / dann.mean()).to_numpy()
+            low, high = t_interval(list(ratios), 0.9)
+            summary.append({
+                "data": data, "lives": lives, "model": model, "seeds": ratios.size, "rmse_min": part.to_numpy().mean(),
+                "lives_rmse_min": own.groupby("bearing")["lives_rmse_min"].first().mean(), "over_dann": ratios.mean(),
+                "low_90": low, "high_90": high, "bearings": len(part),
+                "better_than_dann": int((part.mean(axis=1) < dann.mean(axis=1)).sum()),
+            })  # fmt: skip
+    return {"ablation": by_bearing, "ablation_summary": pd.DataFrame(summary)}
+
 
 STUDY = Study(
     name="ablation",
     title="adversarial models, an encoding at a time",
     options=jobs.Options,
     steps=(Step("options", jobs.lives), Step("target", jobs.target), Step("rows", jobs.rows)),
-    tables=tables.all_tables,
+    tables=all_tables,
     headlines=("ablation", "ablation_summary"),
 )

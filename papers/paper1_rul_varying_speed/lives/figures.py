@@ -7,7 +7,7 @@ of a bearing (3 and 4, 5 and 10, 6 and 12), one is drawn here, of a bearing.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 import pandas as pd
@@ -15,28 +15,21 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import FancyBboxPatch
 
+from papers.figures import LINE_NAMES, grid, rule, subplots
 from papers.framework import Work
-from papers.paper1_rul_varying_speed.job import simulate
+from papers.paper1_rul_varying_speed.job import CaseResult, simulate
 from papers.paper1_rul_varying_speed.lives.options import Options
-from papers.paper1_rul_varying_speed.lives.results import CaseResult
 from papers.paper1_rul_varying_speed.lives.tables import LIVES, layers
 from papers.paper1_rul_varying_speed.lives.tables import errors as errors_of
-from papers.paper1_rul_varying_speed.methods.architecture import LifeArchitecture
+from papers.paper1_rul_varying_speed.methods.architecture import MODELS, LifeArchitecture
 from papers.paper1_rul_varying_speed.methods.metrics import rmse
-from papers.paper1_rul_varying_speed.methods.simulated_lives import Snapshots
 from twingap.signal.envelope import squared_envelope_spectrum
 
-COLOURS: Final = {
-    "CNN": "#E69F00", "DANN": "#CC79A7", "Proposed model 1": "#56B4E9", "Proposed model 2": "#009E73",
-    "Proposed model 3": "#0072B2", LIVES: "0.45",
-}  # fmt: skip
-MARKERS: Final = {
-    "CNN": "o", "DANN": "D", "Proposed model 1": "<", "Proposed model 2": ">", "Proposed model 3": "s",
-}  # fmt: skip
-LINES: Final = {"inner": "BPFI", "outer": "BPFO", "ball": "2 BSF"}
-"""Name of the line that a fault shows in an envelope spectrum."""
+COLOURS: Final = dict(
+    zip((*MODELS, LIVES), ("#E69F00", "#CC79A7", "#56B4E9", "#009E73", "#0072B2", "0.45"), strict=True)
+)
+MARKERS: Final = dict(zip(MODELS, "oD<>s", strict=True))
 MEASURED, SIMULATED, TRUE = "#D55E00", "#0072B2", "k"
-STYLE: Final[Any] = {"font.size": 12, "axes.titlesize": 12, "axes.labelsize": 12, "legend.fontsize": 10}
 
 
 def all_figures(work: Work) -> Iterator[tuple[str, Figure]]:
@@ -67,8 +60,7 @@ def speed(result: CaseResult, options: Options, data: str) -> Figure:
     """Figures 3 and 4: healthy peak to peak over speed, and S that runs through it."""
     case, influence = result.case, result.case.known.twin.influence
     healthy = case.run.rows_in(options.adaptation.reference_min)
-    figure = Figure(figsize=(11, 4.6), layout="constrained")
-    left, right = figure.subplots(1, 2)
+    figure, (left, right) = subplots((11, 4.6), 1, 2)
     minutes = case.run.time_s[:healthy] / 60
     left.plot(minutes, case.run.peak_to_peak[:healthy], ".-", color=MEASURED, lw=0.8)
     left.set(xlabel="time (min)", ylabel=f"peak to peak ({case.known.unit})", title="healthy beginning")
@@ -82,7 +74,11 @@ def speed(result: CaseResult, options: Options, data: str) -> Figure:
     right.set(xlabel="speed (rpm)", ylabel=f"peak to peak ({case.known.unit})", title="influence of speed")
     right.set_ylim(bottom=0)
     right.legend()
-    figure.suptitle(f"{case.name}, {data}")
+    return _titled(figure, result, data)
+
+
+def _titled(figure: Figure, result: CaseResult, data: str) -> Figure:
+    figure.suptitle(f"{result.case.name}, {data}")
     return figure
 
 
@@ -90,8 +86,7 @@ def anomaly(result: CaseResult, options: Options, data: str) -> Figure:
     """Figures 5 and 10: peak to peak, the same with speed taken out and the anomaly in it, the speed profile."""
     case, twin = result.case, result.case.known.twin
     minutes = case.run.time_s / 60
-    figure = Figure(figsize=(11, 8), layout="constrained")
-    first, second, third = figure.subplots(3, 1, sharex=True)
+    figure, (first, second, third) = subplots((11, 8), 3, 1, sharex=True)
     first.plot(minutes, case.run.peak_to_peak, color=MEASURED, lw=0.9)
     first.axhline(options.adaptation.limit, color="k", ls="--", lw=1, label="end of life")
     first.set_ylabel(f"peak to peak ({case.known.unit})")
@@ -106,8 +101,7 @@ def anomaly(result: CaseResult, options: Options, data: str) -> Figure:
     second.legend(loc="upper left")
     third.step(minutes, case.run.speed_rpm, color="0.3", lw=0.8, where="mid")
     third.set(xlabel="time (min)", ylabel="speed (rpm)")
-    figure.suptitle(f"{case.name}, {data}")
-    return figure
+    return _titled(figure, result, data)
 
 
 def trajectories(result: CaseResult, options: Options, data: str) -> Figure:
@@ -116,13 +110,11 @@ def trajectories(result: CaseResult, options: Options, data: str) -> Figure:
     made, _ = simulate(result.trainings[0].job, case.known)
     minute = case.run.dt_s / 60
     onset, end = twin.onset_row, case.run.time_s.size
-    figure = Figure(figsize=(12, 5), layout="constrained")
-    left, right = figure.subplots(1, 2)
+    figure, (left, right) = subplots((12, 5), 1, 2)
     rows = np.arange(onset, end)
-    left.plot((rows[rows > twin.now_row]) * minute, case.normalised[rows[rows > twin.now_row]], ".", color="0.75",
-              label="measured later")  # fmt: skip
-    left.plot((rows[rows <= twin.now_row]) * minute, case.normalised[rows[rows <= twin.now_row]], ".", color=MEASURED,
-              label="measured up to now")  # fmt: skip
+    seen, later = rows[rows <= twin.now_row], rows[rows > twin.now_row]
+    left.plot(later * minute, case.normalised[later], ".", color="0.75", label="measured later")
+    left.plot(seen * minute, case.normalised[seen], ".", color=MEASURED, label="measured up to now")
     for i, life in enumerate(twin.lives):
         at = (onset + np.arange(life.growth.size)) * minute
         left.plot(at, life.growth, color=SIMULATED, lw=1, alpha=0.8, label="simulated lives" if i == 0 else None)
@@ -139,8 +131,7 @@ def trajectories(result: CaseResult, options: Options, data: str) -> Figure:
     right.axhline(options.adaptation.limit, color="k", ls="--", lw=1, label="end of life")
     right.set(xlabel="time (min)", ylabel=f"peak to peak ({case.known.unit})", title="signals of eq. 1")
     right.legend()
-    figure.suptitle(f"{case.name}, {data}")
-    return figure
+    return _titled(figure, result, data)
 
 
 def remaining(result: CaseResult, data: str) -> Figure:
@@ -148,36 +139,29 @@ def remaining(result: CaseResult, data: str) -> Figure:
     case = result.case
     assert case.judged.revolutions is not None
     at = (case.known.twin.onset_row + case.judged.position) * case.run.dt_s / 60
-    figure = Figure(figsize=(10, 7.5), layout="constrained")
-    first, second, third = figure.subplots(3, 1, sharex=True)
+    figure, (first, second, third) = subplots((10, 7.5), 3, 1, sharex=True)
     first.plot(at, case.judged.revolutions / 1000, color=TRUE)
     first.set_ylabel("remaining\nrevolutions (1000)")
     second.plot(at, case.true_min, ".-", color=TRUE, lw=0.8, label="RUL by eq. 14")
-    steps = np.flatnonzero(np.diff(case.judged.speed_rpm) == 0)
-    for i, k in enumerate(steps):
-        second.plot(at[k : k + 2], case.true_min[k : k + 2], color="#E69F00", lw=3,
-                    label="constant speed: slope -1" if i == 0 else None)  # fmt: skip
+    for i, k in enumerate(np.flatnonzero(np.diff(case.judged.speed_rpm) == 0)):
+        label = "constant speed: slope -1" if i == 0 else None
+        second.plot(at[k : k + 2], case.true_min[k : k + 2], color="#E69F00", lw=3, label=label)
     second.set_ylabel("remaining time (min)")
     second.legend()
     third.step(at, case.judged.speed_rpm, color="0.3", where="mid")
     third.set(xlabel="time (min)", ylabel="speed (rpm)")
-    figure.suptitle(f"{case.name}, {data}: true remaining life after the anomaly")
-    return figure
+    return _titled(figure, result, f"{data}: true remaining life after the anomaly")
 
 
 def network(own: LifeArchitecture, model: str) -> Figure:
     """Figure 8: the network with the sizes that were run."""
-    figure = Figure(figsize=(13, 4.6), layout="constrained")
-    axes = figure.subplots()
+    figure, axes = subplots((13, 4.6))
     axes.set_axis_off()
     axes.set(xlim=(-0.15, 13.15), ylim=(0.1, 4.4))
 
     def box(x: float, y: float, text: str, colour: str, width: float) -> None:
         axes.add_patch(FancyBboxPatch((x, y), width, 1.0, boxstyle="round,pad=0.05", fc=colour, ec="k", alpha=0.35))
         axes.text(x + width / 2, y + 0.5, text, ha="center", va="center", fontsize=11)
-
-    def arrow(a: tuple[float, float], b: tuple[float, float]) -> None:
-        axes.annotate("", b, a, arrowprops={"arrowstyle": "->", "lw": 1.2})
 
     (_, c1, s1), (_, p1, _), (_, c2, s2), (_, p2, _) = layers(own)
     box(0.0, 3.2, f"record\n{own.length} samples", "0.7", 1.6)
@@ -191,7 +175,7 @@ def network(own: LifeArchitecture, model: str) -> Figure:
     for a, b in (((1.65, 3.7), (2.05, 3.7)), ((4.55, 3.7), (4.95, 3.7)), ((7.45, 3.5), (8.3, 2.75)),
                  ((7.45, 2.2), (7.95, 2.2)), ((7.45, 0.9), (8.3, 1.65)), ((9.65, 2.4), (10.15, 3.3)),
                  ((9.65, 2.0), (10.15, 1.1))):  # fmt: skip
-        arrow(a, b)
+        axes.annotate("", b, a, arrowprops={"arrowstyle": "->", "lw": 1.2})
     figure.suptitle(f"Network of {model}, sizes as run")
     return figure
 
@@ -199,20 +183,17 @@ def network(own: LifeArchitecture, model: str) -> Figure:
 def run(result: CaseResult, options: Options, data: str) -> Figure:
     """Figure 9: a whole run."""
     case = result.case
-    figure = Figure(figsize=(11, 4.4), layout="constrained")
-    axes = figure.subplots()
+    figure, axes = subplots((11, 4.4))
     minutes = case.run.time_s / 60
     other = axes.twinx()
     other.step(minutes, case.run.speed_rpm, color="0.75", lw=0.8, where="mid")
-    other.set_ylabel("speed (rpm), grey")
-    other.set_ylim(0, 2.2 * case.run.speed_rpm.max())
+    other.set(ylabel="speed (rpm), grey", ylim=(0, 2.2 * case.run.speed_rpm.max()))
     axes.plot(minutes, case.run.peak_to_peak, color=MEASURED, lw=1)
     axes.axhline(options.adaptation.limit, color="k", ls="--", lw=1)
     axes.set(xlabel="time (min)", ylabel=f"peak to peak ({case.known.unit})")
     axes.set_zorder(other.get_zorder() + 1)
     axes.patch.set_visible(False)
-    figure.suptitle(f"{case.name}, {data}")
-    return figure
+    return _titled(figure, result, data)
 
 
 def signals(result: CaseResult, data: str) -> Figure:
@@ -220,12 +201,15 @@ def signals(result: CaseResult, data: str) -> Figure:
     case = result.case
     made, _ = simulate(result.trainings[0].job, case.known)
     seen = int(np.flatnonzero(~case.later)[-1])
-    near = _like(made, case.judged, seen)
     rpm, known = case.judged.speed_rpm[seen], case.known
+    # The simulated record at that speed, where there is any, whose peak to peak is nearest.
+    same = np.flatnonzero(made.speed_rpm == rpm)
+    same = same if same.size else np.arange(len(made))
+    heights = np.ptp(made.samples, axis=1)[same]
+    near = int(same[np.argmin(np.abs(heights - np.ptp(case.judged.samples[seen].astype(float))))])
     fault_hz = known.bearing.fault_order(known.fault) * rpm / 60
-    line = f"{LINES[known.fault]} = {fault_hz:.1f} Hz"
-    figure = Figure(figsize=(12, 6.4), layout="constrained")
-    panels = figure.subplots(2, 2, sharex="col")
+    line = f"{LINE_NAMES[known.fault]} = {fault_hz:.1f} Hz"
+    figure, panels = subplots((12, 6.4), 2, 2, sharex="col")
     for row, (name, x, colour) in enumerate((
         (f"record of the {data}", case.judged.samples[seen].astype(float), MEASURED),
         (f"simulated by the {result.variant} twin", made.samples[near].astype(float), SIMULATED),
@@ -237,9 +221,8 @@ def signals(result: CaseResult, data: str) -> Figure:
         spectrum = squared_envelope_spectrum(x, known.fs_hz)
         low = spectrum.frequency < 5.5 * fault_hz
         for k in range(1, 6):
-            panels[row, 1].axvline(
-                k * fault_hz, color="0.4", ls=":", lw=1.4, label=f"{line}, and harmonics" if k == 1 else None
-            )
+            label = f"{line}, and harmonics" if k == 1 else None
+            panels[row, 1].axvline(k * fault_hz, color="0.4", ls=":", lw=1.4, label=label)
         panels[row, 1].plot(spectrum.frequency[low], spectrum.values[low], color=colour, lw=0.8)
         panels[row, 1].set(ylabel="modulation depth (no unit)", title="squared envelope spectrum")
         panels[row, 1].legend(loc="upper right")
@@ -249,46 +232,31 @@ def signals(result: CaseResult, data: str) -> Figure:
     return figure
 
 
-def _like(made: Snapshots, judged: Snapshots, row: int) -> int:
-    """The simulated record at the speed of a judged one, where there is any, whose peak to peak is nearest."""
-    heights = np.ptp(made.samples, axis=1)
-    same = np.flatnonzero(made.speed_rpm == judged.speed_rpm[row])
-    same = same if same.size else np.arange(len(made))
-    return int(same[np.argmin(np.abs(heights[same] - np.ptp(judged.samples[row].astype(float))))])
-
-
 def embedding(result: CaseResult, data: str) -> Figure:
     """Figure 13: t-SNE of the regressor's second layer, first seed: colour is speed, size remaining life."""
     found = {t.job.model: t.value["embedding"] for t in result.trainings if "embedding" in t.value}
     case = result.case
-    across, down = _grid(len(found))
-    figure = Figure(figsize=(4.6 * across + 1, 4.4 * down + 0.4), layout="constrained")
-    panels = np.array(figure.subplots(down, across, squeeze=False)).ravel()
-    for unused in panels[len(found) :]:
-        unused.set_axis_off()
-    for panel, (model, embedded) in zip(panels, found.items(), strict=False):
-        points = np.asarray(embedded)
+    # Three across at most, here and below, so that they can be read at half size.
+    figure, panels = grid(len(found), 3, (4.6, 4.4), (1, 0.4))
+    for panel, (model, embedded) in zip(panels.flat, found.items(), strict=False):
         size = 12 + 200 * case.true_min / case.true_min.max()
-        image = panel.scatter(*points.T, s=size, c=case.judged.speed_rpm, cmap="cividis", alpha=0.8, edgecolors="0.3",
-                              linewidths=0.4)  # fmt: skip
+        looks = {"cmap": "cividis", "alpha": 0.8, "edgecolors": "0.3", "linewidths": 0.4}
+        image = panel.scatter(*np.asarray(embedded).T, s=size, c=case.judged.speed_rpm, **looks)
         panel.set(title=model, xticks=[], yticks=[])
     figure.colorbar(image, ax=panels, label="speed (rpm)")
-    figure.suptitle(
-        f"{case.name}, {data}: t-SNE of 32 features; size: remaining time, up to {case.true_min.max():.0f} min"
-    )
-    return figure
+    longest = f"{case.true_min.max():.0f} min"
+    return _titled(figure, result, f"{data}: t-SNE of 32 features; size: remaining time, up to {longest}")
 
 
 def predicted(result: CaseResult, data: str) -> Figure:
     """Figure 14: remaining time over the run by each model: mean over seeds and their range; speed below."""
     case, models = result.case, result.models
     at = (case.known.twin.onset_row + case.judged.position) * case.run.dt_s / 60
-    across, down = _grid(len(models))
-    figure = Figure(figsize=(4.8 * across, 5.2 * down + 0.8), layout="constrained")
-    panels = np.array(
-        figure.subplots(2 * down, across, sharex=True, squeeze=False, height_ratios=[3, 1] * down)
-    ).reshape(down, 2, across)  # fmt: skip
-    lives, speeds = (panels[:, line].ravel() for line in (0, 1))
+    across = min(len(models), 3)
+    down = -(-len(models) // across)
+    size, ratios = (4.8 * across, 5.2 * down + 0.8), [3, 1] * down
+    figure, panels = subplots(size, 2 * down, across, sharex=True, squeeze=False, height_ratios=ratios)
+    lives, speeds = (panels.reshape(down, 2, across)[:, line].ravel() for line in (0, 1))
     for unused in (*lives[len(models) :], *speeds[len(models) :]):
         unused.set_axis_off()
     now = case.known.twin.now_row * case.run.dt_s / 60
@@ -312,28 +280,16 @@ def predicted(result: CaseResult, data: str) -> Figure:
         lives[left].set_ylabel("remaining time at\nthe present speed (min)")
         speeds[left].set_ylabel("speed (rpm)")
     figure.legend(*lives[0].get_legend_handles_labels(), loc="outside lower center", ncols=2)
-    figure.suptitle(f"{case.name}, {data}")
-    return figure
-
-
-def _grid(panels: int) -> tuple[int, int]:
-    """Panels across and down: three across at most, so that they can be read at half size."""
-    across = min(panels, 3)
-    return across, -(-panels // across)
+    return _titled(figure, result, data)
 
 
 def table5(errors: pd.DataFrame) -> Figure:
     """Table 5 as a figure: mean RMSE by run and model in numbers, 95 % intervals over seeds, the paper's beside."""
     models = [m for m in dict.fromkeys(errors["model"]) if m != LIVES]
     bearings = list(dict.fromkeys(errors["bearing"]))
-    columns = min(3, len(bearings))
-    rows = -(-len(bearings) // columns)
-    figure = Figure(figsize=(4.6 * columns + 1.6, 3.0 * rows + 1.3), layout="constrained")
-    panels = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)
+    figure, panels = grid(len(bearings), 3, (4.6, 3.0), (1.6, 1.3), sharex=True, sharey=True)
     errors = errors.reindex(columns=[*dict.fromkeys([*errors.columns, "low_95", "high_95", "published_min"])])
     highest = float(errors[["rmse_min", "high_95"]].max().max())
-    for unused in panels.flat[len(bearings) :]:
-        unused.set_axis_off()
     for panel, bearing in zip(panels.flat, bearings, strict=False):
         own = errors[errors["bearing"] == bearing].set_index("model")
         for place, model in enumerate(models):
@@ -344,22 +300,17 @@ def table5(errors: pd.DataFrame) -> Figure:
             panel.text(1.09 * highest, place, f"{row['rmse_min']:.1f}", ha="left", va="center", fontsize=11)
             panel.plot(row["published_min"], place, "x", color="k", ms=7, mew=1.6)
         panel.axvline(own.loc[LIVES, "rmse_min"], color=COLOURS[LIVES], ls="--", lw=1.4)
-        panel.set_title(bearing)
         panel.set_yticks(range(len(models)), models)
-        panel.set_ylim(len(models) - 0.5, -0.5)
-        panel.set_xlim(0, 1.25 * highest)
-        panel.grid(axis="x", color="0.9")
-        panel.set_axisbelow(True)
+        panel.set(title=bearing, ylim=(len(models) - 0.5, -0.5), xlim=(0, 1.25 * highest))
+        rule(panel, "x")
     for panel in panels[-1]:
         panel.set_xlabel("RMSE of remaining time (min)")
-    figure.legend(
-        handles=[
-            Line2D([], [], color="0.4", marker="o", mec="k", lw=4, alpha=0.8,
-                   label="mean of seeds (number), 95 % interval (bar)"),
-            Line2D([], [], color="k", marker="x", ls="", ms=7, mew=1.6, label="paper, on its own set"),
-            Line2D([], [], color=COLOURS[LIVES], ls="--", label=LIVES),
-        ],
-        loc="outside lower center", ncols=3,
-    )  # fmt: skip
+    mean = "mean of seeds (number), 95 % interval (bar)"
+    handles = [
+        Line2D([], [], color="0.4", marker="o", mec="k", lw=4, alpha=0.8, label=mean),
+        Line2D([], [], color="k", marker="x", ls="", ms=7, mew=1.6, label="paper, on its own set"),
+        Line2D([], [], color=COLOURS[LIVES], ls="--", label=LIVES),
+    ]
+    figure.legend(handles=handles, loc="outside lower center", ncols=3)
     figure.suptitle(f"{errors['data'].iloc[0]}; {errors['twin'].iloc[0]} twin")
     return figure

@@ -3,24 +3,21 @@
 Smart Maintenance set, or virtual rig --> cases --> twin, up to now --> simulated lives --> five models x seeds
                                                                                                     |
                          tables, figures, nested runs <-- judged on the run to its end <-- chosen without labels
-
-Used in: Simulation-based remaining useful life prediction of rolling element bearings under varying operating
-conditions.
 """
 
 from __future__ import annotations
 
 import dataclasses
+import itertools
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from papers.logs import log_checkpoints, log_method
 from papers.paper1_rul_varying_speed.cases import Case, Target, load_target, read_case
-from papers.paper1_rul_varying_speed.job import Job, job_of, train_and_judge
+from papers.paper1_rul_varying_speed.job import CaseResult, Job, job_of, train_and_judge
 from papers.paper1_rul_varying_speed.lives import tables
 from papers.paper1_rul_varying_speed.lives.options import Options, Profile
-from papers.paper1_rul_varying_speed.lives.results import CaseResult
-from papers.paper1_rul_varying_speed.models import architecture_of
+from papers.paper1_rul_varying_speed.methods.architecture import architecture_of
 
 if TYPE_CHECKING:
     from papers.framework import Work
@@ -59,11 +56,9 @@ def results(work: Work) -> list[CaseResult]:
 
 def _jobs(case: Case, options: Options, sizes: Profile, seed: int) -> Iterator[Job]:
     """Models innermost: those of a twin and seed share their simulated records."""
-    for variant in sizes.variants:
-        for i in range(sizes.seeds):
-            for model in sizes.models:
-                shape = architecture_of(model, printed=options.judging.printed)
-                yield job_of(case, options, variant, model, shape, seed + i, sizes, embedded=i == 0)
+    for variant, i, model in itertools.product(sizes.variants, range(sizes.seeds), sizes.models):
+        shape = architecture_of(model, printed=options.judging.printed)
+        yield job_of(case, options, variant, model, shape, seed + i, sizes, embedded=i == 0)
 
 
 def _log_case(log: Run, results: list[CaseResult], title: str) -> None:

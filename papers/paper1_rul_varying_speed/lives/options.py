@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
+from papers.options import expect, read
 from papers.paper1_rul_varying_speed.methods.adaptive_twin import Adaptation
+from papers.paper1_rul_varying_speed.methods.architecture import MODELS
 from papers.paper1_rul_varying_speed.methods.simulated_lives import SignalModel
 from papers.paper1_rul_varying_speed.methods.training import CRITERIA, LifeTraining
-from papers.paper1_rul_varying_speed.models import MODELS
-from twingap.config import build, read_toml
-from twingap.errors import TwingapError
+from twingap import TwingapError
 
 CONFIG: Final = Path(__file__).with_name("config.toml")
 
@@ -70,34 +69,21 @@ class Options:
 
 
 def read_options(path: Path = CONFIG) -> Options:
-    """Read and check a configuration.
-
-    Raises `TwingapError` naming file, key, value and what was expected.
-    """
-    options = build(Options, read_toml(path), path)
-    check(options, path)
-    return options
+    return read(Options, check, path)
 
 
 def check(options: Options, path: Path) -> None:
     """Refuse what the types of the entries allow and the study cannot do."""
-    _known(options.judging.criterion, CRITERIA, f"{path}: judging.criterion")
+    expect(options.judging.criterion, CRITERIA, f"{path}: judging.criterion")
     for level in options.judging.levels:
         if not 0 < level < 1:
             raise TwingapError(f"{level} found, between 0 and 1 expected", where=f"{path}: judging.levels")
     for name, profile in options.profiles.items():
+        where = f"{path}: profiles.{name}"
         for model in profile.models:
-            _known(model, MODELS, f"{path}: profiles.{name}.models")
+            expect(model, MODELS, f"{where}.models")
         for variant in profile.variants:
-            _known(variant, options.variants, f"{path}: profiles.{name}.variants")
-        for field in dataclasses.fields(Profile):
-            value = getattr(profile, field.name)
+            expect(variant, options.variants, f"{where}.variants")
+        for field, value in dataclasses.asdict(profile).items():
             if (value < 1) if isinstance(value, int) else not value:
-                raise TwingapError(
-                    f"{value!r} found, 1 or more expected", where=f"{path}: profiles.{name}.{field.name}"
-                )
-
-
-def _known(value: str, known: Iterable[str], where: str) -> None:
-    if value not in (names := list(known)):
-        raise TwingapError(f"{value!r} found, one of {', '.join(names)} expected", where=where)
+                raise TwingapError(f"{value!r} found, 1 or more expected", where=f"{where}.{field}")

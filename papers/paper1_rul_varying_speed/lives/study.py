@@ -11,7 +11,7 @@ STUDY = Study(
     steps=(Step("target", jobs.target), Step("results", jobs.results)),
     tables=tables.all_tables,
     figures=figures.all_figures,
-    style=figures.STYLE,
+    letters=(12, 10),
     headlines=("errors",),
     columns={"errors": ("twin", "bearing", "model", "seeds", "rmse_min", "std")},
 )

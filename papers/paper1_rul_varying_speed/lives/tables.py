@@ -9,15 +9,13 @@ from typing import Any, Final
 import numpy as np
 import pandas as pd
 
-from papers.framework import Work
+from papers.arrays import Array
+from papers.framework import Rows, Work, as_table
 from papers.intervals import intervals, std
-from papers.paper1_rul_varying_speed.cases import Array
+from papers.paper1_rul_varying_speed.job import CaseResult
 from papers.paper1_rul_varying_speed.lives.options import Options
-from papers.paper1_rul_varying_speed.lives.results import CaseResult
-from papers.paper1_rul_varying_speed.methods.architecture import LifeArchitecture
-from papers.paper1_rul_varying_speed.methods.critical_length import critical_length
+from papers.paper1_rul_varying_speed.methods.architecture import MODELS, LifeArchitecture, critical_length
 from papers.paper1_rul_varying_speed.methods.metrics import cumulative_relative_accuracy, rmse, within_alpha
-from papers.paper1_rul_varying_speed.models import MODELS
 
 PUBLISHED: Final = MappingProxyType({
     "A148": (6.6, 7.8, 7.3, 5.7, 5.8),
@@ -107,9 +105,9 @@ def errors(results: Sequence[CaseResult], options: Options, data: str) -> list[d
     return rows
 
 
-def table5(rows: Sequence[dict[str, Any]], data: str) -> pd.DataFrame:
+@as_table
+def table5(rows: Sequence[dict[str, Any]], data: str) -> Rows:
     """RMSE in minutes, a line per run and a column per model, mean +- std over seeds; the paper's mean in brackets."""
-    made = []
     for twin, table in pd.DataFrame(rows).groupby("twin", sort=False):
         for bearing, own in table.groupby("bearing", sort=False):
             line: dict[str, Any] = {"data": data, "twin": twin, "bearing": bearing}
@@ -118,14 +116,13 @@ def table5(rows: Sequence[dict[str, Any]], data: str) -> pd.DataFrame:
                 published = row.get("published_min")
                 paper = "" if published is None or pd.isna(published) else f" [{published:.1f}]"
                 line[str(row["model"])] = f"{row['rmse_min']:.1f}{spread}{paper}"
-            made.append(line)
+            yield line
         line = {"data": data, "twin": twin, "bearing": "mean"}
         for model, mean in table.groupby("model", sort=False)["rmse_min"].mean().items():
             published = [PUBLISHED[b][list(MODELS).index(str(model))] for b in table["bearing"].unique()
                          if b in PUBLISHED and model in MODELS]  # fmt: skip
             line[str(model)] = f"{mean:.1f}" + (f" [{np.mean(published):.1f}]" if published else "")
-        made.append(line)
-    return pd.DataFrame(made)
+        yield line
 
 
 def gap(rows: Sequence[dict[str, Any]], data: str) -> pd.DataFrame:
@@ -138,19 +135,18 @@ def gap(rows: Sequence[dict[str, Any]], data: str) -> pd.DataFrame:
     return pd.DataFrame({"data": data, "runs": table["bearing"].nunique()}, index=wide.index).join(wide).reset_index()
 
 
-def comparison(results: Sequence[CaseResult], options: Options, data: str) -> pd.DataFrame:
+@as_table
+def comparison(results: Sequence[CaseResult], options: Options, data: str) -> Rows:
     """What was to be shown: proposed model 3 over CNN, and that it beats CNN and DANN on every run; the others' too.
 
     The ratio is that of mean RMSE over runs, by seed; its interval is over seeds. A run counts as won when the mean
     over seeds is lower.
     """
-    rows: list[dict[str, Any]] = []
     for twin in dict.fromkeys(r.variant for r in results):
         own = [r for r in results if r.variant == twin]
         for model in [FULL, *[m for m in MODELS if m not in (FULL, *RIVALS)]]:
-            rows += [_compared(own, twin, model, over, options, data) for over in RIVALS
+            yield from [_compared(own, twin, model, over, options, data) for over in RIVALS
                      if all(m in r.models for r in own for m in (model, over))]  # fmt: skip
-    return pd.DataFrame(rows)
 
 
 def _compared(
@@ -172,9 +168,9 @@ def _compared(
     return row
 
 
-def runs(results: Sequence[CaseResult], data: str) -> pd.DataFrame:
+@as_table
+def runs(results: Sequence[CaseResult], data: str) -> Rows:
     """Table 3 and what was read off each run: anomaly, rate, simulated lives."""
-    rows = []
     for result in results:
         case, twin, run = result.case, result.case.known.twin, result.case.run
         minutes = (run.time_s - run.time_s[0]) / 60
@@ -196,8 +192,7 @@ def runs(results: Sequence[CaseResult], data: str) -> pd.DataFrame:
             "longest_life_ends_min": twin.lives[-1].end_row * run.dt_s / 60,
             "end_among_lives": "yes" if twin.lives[0].end_row <= end <= twin.lives[-1].end_row else "no",
         }  # fmt: skip
-        rows.append(row)
-    return pd.DataFrame(rows)
+        yield row
 
 
 def network(results: Sequence[CaseResult], options: Options, data: str) -> pd.DataFrame:
@@ -232,19 +227,18 @@ def layers(own: LifeArchitecture) -> list[tuple[str, int, str]]:
     return made
 
 
-def selection(results: Sequence[CaseResult], data: str) -> pd.DataFrame:
+@as_table
+def selection(results: Sequence[CaseResult], data: str) -> Rows:
     """RMSE (min) by the criterion that chose the checkpoint, mean over seeds; the last and the oracle beside them."""
-    rows = []
     for result in results:
         for model in result.models:
             values = [t.value for t in result.of(model)]
-            rows.append({
+            yield {
                 "data": data, "twin": result.variant, "bearing": result.case.name, "model": model,
                 **{name: np.mean([v["rmse_min"][v["chosen"][name]] for v in values]) for name in values[0]["chosen"]},
                 "last checkpoint": np.mean([v["rmse_min"][-1] for v in values]),
                 "oracle (true lives)": np.mean([min(v["rmse_min"]) for v in values]),
-            })  # fmt: skip
-    return pd.DataFrame(rows)
+            }  # fmt: skip
 
 
 def predictions(results: Sequence[CaseResult], data: str) -> pd.DataFrame:

@@ -16,13 +16,13 @@ from typing import Literal
 
 import numpy as np
 
+from papers.arrays import Array
 from papers.paper1_rul_varying_speed.methods.degradation import DamageFit, Trajectory, fit_damage, trajectories
-from papers.paper1_rul_varying_speed.methods.run import Array, Run, period_rows, planned_speed
-from twingap.errors import TwingapError
+from papers.paper1_rul_varying_speed.methods.run import Run, period_rows, planned_speed
+from twingap import RecordSet, TwingapError
 from twingap.identification import HealthyFit, equation_8, spectra
 from twingap.prognosis.anomaly import Anomaly, AnomalyRule, detect_anomaly
 from twingap.prognosis.speed_influence import SpeedInfluence, fit_speed_influence, normalised_peak_to_peak
-from twingap.records import RecordSet
 
 
 class NoLifeError(TwingapError):
@@ -69,10 +69,7 @@ class AdaptiveTwin:
 
 
 def find_anomaly(run: Run, options: Adaptation) -> tuple[SpeedInfluence, Array, Anomaly]:
-    """S from the healthy beginning, normalised peak to peak [rows], and the first anomaly if there is one.
-
-    Raises `TwingapError` when the beginning is too short.
-    """
+    """S from the healthy beginning, normalised peak to peak [rows], and the first anomaly if there is one."""
     healthy = run.rows_in(options.reference_min)
     influence = fit_speed_influence(run.peak_to_peak[:healthy], run.speed_rpm[:healthy])
     normalised = normalised_peak_to_peak(run.peak_to_peak, run.speed_rpm, influence)
@@ -87,14 +84,12 @@ def read_mode(records: RecordSet, run: Run, options: Adaptation) -> HealthyFit:
 
 
 def adapt(run: Run, mode: HealthyFit, options: Adaptation | None = None) -> AdaptiveTwin:
-    """Read a run up to its last row, which is now.
+    """Read a run up to its last row, which is now (`Run.until`).
 
     Raises `TwingapError` when there is no anomaly yet, no growth, or no life that could follow; the message says which.
 
     Parameters
     ----------
-    run : Run
-        Up to now (`Run.until`).
     mode : HealthyFit
         From `read_mode`, which may have been done once for all moments.
     """
@@ -111,16 +106,9 @@ def adapt(run: Run, mode: HealthyFit, options: Adaptation | None = None) -> Adap
 def lives_that_may_follow(
     run: Run, influence: SpeedInfluence, damage: DamageFit, options: Adaptation
 ) -> tuple[tuple[Trajectory, ...], tuple[Trajectory, ...], int]:
-    """Lives about the end that a rate of growth foretells.
+    """Lives about the end that a rate of growth foretells, none of which ends before the run's last row, which is now.
 
     Raises `TwingapError` when no life could follow.
-
-    Parameters
-    ----------
-    run : Run
-        Up to now: none of them ends before.
-    damage : DamageFit
-        In rows.
 
     Returns
     -------
@@ -141,30 +129,19 @@ def lives_that_may_follow(
     )  # fmt: skip
     # Held-out lives lie evenly between the others: never the shortest nor the longest.
     held = {round((i + 1) * total / (options.held_out_lives + 1) - 0.5) for i in range(options.held_out_lives)}
-    return (
-        tuple(life for place, life in enumerate(lives) if place not in held),
-        tuple(life for place, life in enumerate(lives) if place in held),
-        period,
-    )
+    kept, held_out = (tuple(x for i, x in enumerate(lives) if (i in held) == wanted) for wanted in (False, True))
+    return kept, held_out, period
 
 
 def adapt_when_possible(
     run: Run, mode: HealthyFit, options: Adaptation, note: Callable[[str], None] = lambda why: None
 ) -> AdaptiveTwin:
-    """Adapt at the first moment at which the paper's recipe can be followed.
+    """Adapt at the first moment at which the paper's recipe can be followed; rows after the twin's `now_row` are not
+    used.
 
     That is `after_alarm_min` after the alarm where damage has been seen to grow by then and lives may follow; else a
-    minute later, and so on. Each attempt is handed the rows up to its own moment and no other.
-
-    Raises `NoLifeError` when the run is over before an attempt succeeds. Raises `TwingapError` when there is no
-    anomaly.
-
-    Parameters
-    ----------
-    run : Run
-        Rows after the returned twin's `now_row` are not used.
-    note : callable
-        Called with the reason of each failed attempt.
+    minute later, and so on. `note` is called with the reason of each failed attempt. Raises `TwingapError` when there
+    is no anomaly, `NoLifeError` when the run is over before an attempt succeeds.
     """
     _, _, anomaly = find_anomaly(run, options)
     if anomaly.alarm_row is None:

@@ -1,17 +1,26 @@
-"""Parts and sizes of the network for remaining life, without torch.
+"""Parts and sizes of the network for remaining life, without torch: the five models that the paper compares.
 
-samples, kernels, strides, pools --> features of a record --> joined with the encodings: what the layers behind see
+                   sequence  speed  adversarial
+CNN                no        no     no
+DANN               no        no     yes
+Proposed model 1   no        yes    no
+Proposed model 2   yes       no     no
+Proposed model 3   yes       yes    yes
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from types import MappingProxyType
+from typing import Final
 
 from papers.paper1_rul_varying_speed.methods.encoding import D_MODEL
+from twingap import Bearing, TwingapError
 
 LENGTH = 25000
 """Samples of a record (table 4)."""
-
 PRINTED_STRIDES = (16, 8)
 """Strides of table 1 as printed: 32 features instead of 112."""
 
@@ -46,3 +55,38 @@ class LifeArchitecture:
     def joined(self) -> int:
         """Features and encodings together: what regressor and discriminator see."""
         return self.features + self.d_model * (self.sequence + self.speed)
+
+
+def critical_length(bearing: Bearing, lowest_speed_rpm: float, fs_hz: float, impacts: int = 1) -> int:
+    """Samples that hold so many impacts of a ball defect, the rarest, at the lowest speed: L_c = F_s / BSF, eq. 16.
+
+    A ball meets both races in one spin, but the paper counts one impact, on one race. Its own case, a 6205 at 1000 rpm
+    and 50 kHz, needs 25,459 samples for 20 impacts; its 25,000 ("at least 20 impacts") hold 19.6.
+    """
+    if not (lowest_speed_rpm > 0 and fs_hz > 0 and impacts > 0):
+        raise TwingapError(
+            f"{lowest_speed_rpm:g} rpm, {fs_hz:g} Hz, {impacts} impacts: all must be above 0", where="critical length"
+        )
+    return math.ceil(impacts * fs_hz / (bearing.bsf * lowest_speed_rpm / 60))
+
+
+MODELS: Final[Mapping[str, LifeArchitecture]] = MappingProxyType({
+    "CNN": LifeArchitecture(sequence=False, speed=False, adversarial=False),
+    "DANN": LifeArchitecture(sequence=False, speed=False, adversarial=True),
+    "Proposed model 1": LifeArchitecture(sequence=False, speed=True, adversarial=False),
+    "Proposed model 2": LifeArchitecture(sequence=True, speed=False, adversarial=False),
+    "Proposed model 3": LifeArchitecture(sequence=True, speed=True, adversarial=True),
+})  # fmt: skip
+"""Columns of table 5, in its order, with the 112 features of the text."""
+
+
+def architecture_of(
+    name: str, *, printed: bool = False, models: Mapping[str, LifeArchitecture] = MODELS
+) -> LifeArchitecture:
+    """The network of one model; `printed`: table 1 to the letter, 32 features, instead of the text's 112.
+
+    Raises `TwingapError` for an unknown model.
+    """
+    if name not in models:
+        raise TwingapError(f"no model {name!r}", where="models", mend=f"choose from {', '.join(models)}")
+    return replace(models[name], strides=PRINTED_STRIDES) if printed else models[name]

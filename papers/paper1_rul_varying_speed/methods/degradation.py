@@ -13,14 +13,12 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from papers.paper1_rul_varying_speed.methods.encoding import sequence_position
+from papers.arrays import Array
 from papers.paper1_rul_varying_speed.methods.remaining_life import remaining_revolutions
-from twingap.errors import TwingapError
+from twingap import TwingapError
 from twingap.prognosis.speed_influence import SpeedInfluence
-
-Array = NDArray[np.float64]
 
 LARGEST_EXPONENT = 50.0
 """exp(50) is beyond any sensor; it only keeps numbers finite, as in `effects.DamageGrowth`."""
@@ -42,22 +40,7 @@ class DamageFit:
 
 
 def damage(k: ArrayLike, rate: float, onset: float) -> Array:
-    """D(k) = exp(a (k - K_anomaly)), eq. 12; 1 before the onset.
-
-    Parameters
-    ----------
-    k : array_like [...]
-        Rows, or times in s.
-    rate : float
-        a, per row or per s.
-    onset : float
-        K_anomaly in the unit of k.
-
-    Returns
-    -------
-    Array [...]
-        Dimensionless.
-    """
+    """D(k) = exp(a (k - K_anomaly)), eq. 12, at rows [...] (or times in s, with a rate per s); 1 before the onset."""
     grown = rate * np.maximum(np.asarray(k, float) - onset, 0.0)
     return np.asarray(np.exp(np.minimum(grown, LARGEST_EXPONENT)))
 
@@ -65,27 +48,19 @@ def damage(k: ArrayLike, rate: float, onset: float) -> Array:
 def fit_damage(
     k: ArrayLike, normalised: ArrayLike, onset: float, *, level: Literal["one", "free"] = "one"
 ) -> DamageFit:
-    """Fit a of eq. 12 to normalised peak to peak after the anomaly.
+    """Fit a of eq. 12 to normalised peak to peak after the anomaly, by least squares of its logarithm.
 
-    Raises `TwingapError` when too few rows follow the onset.
+    Peak to peak scatters in proportion to itself, so that the last rows would decide otherwise. Raises `TwingapError`
+    when too few rows follow the onset.
 
     Parameters
     ----------
-    k : array_like [rows]
-        Rows or times. Those not after `onset`, and NaN amplitudes (a stopped machine), are left out.
-    normalised : array_like [rows]
-        P_N of eq. 11, positive.
+    k, normalised : array_like [rows]
+        Rows or times, and P_N of eq. 11. Rows not after `onset` and NaN amplitudes (a stopped machine) are left out.
     level : {"one", "free"}
         "one": D(K_anomaly) = 1 as printed. "free": a factor is fitted too, for damage that begins with a jump or was
-        found late: where K_anomaly comes from `detect_anomaly`, which cannot see growth below the scatter, "one" takes
-        what had grown before for speed of growth (rate 0.0088 for a true 0.006 in the simulated runs of the tests, 21
-        rows late; "free" 0.0060).
-
-    Returns
-    -------
-    DamageFit
-        By least squares of the logarithm: peak to peak scatters in proportion to itself, and the last rows, which
-        scatter most, would decide otherwise.
+        found late: `detect_anomaly` cannot see growth below the scatter, and "one" takes what had grown before for
+        speed of growth (rate 0.0088 for a true 0.006 in the simulated runs of the tests, 21 rows late; "free" 0.0060).
     """
     place, x = np.asarray(k, float) - onset, np.asarray(normalised, float)
     kept = (place > 0) & np.isfinite(x) & (np.where(np.isfinite(x), x, 0) > 0)
@@ -106,15 +81,7 @@ def fit_damage(
 
 
 def end_row(peak_to_peak: ArrayLike, limit: float) -> int | None:
-    """First row whose peak to peak reaches the limit: the end of life. None when none does.
-
-    Parameters
-    ----------
-    peak_to_peak : array_like [rows]
-        Real or simulated, not normalised: the paper ends a life at 15 g, whatever the speed.
-    limit : float
-        In the same unit.
-    """
+    """First row whose peak to peak (real or simulated, not normalised) reaches the limit: the end of life, or None."""
     beyond = np.flatnonzero(np.asarray(peak_to_peak, float) >= limit)
     return int(beyond[0]) if beyond.size else None
 
@@ -143,7 +110,7 @@ class Trajectory:
     @property
     def positions(self) -> Array:
         """Sequence positions [rows] for eq. 13: 1 at the first row after K_anomaly."""
-        return sequence_position(np.arange(self.speed_rpm.size), 0)
+        return np.arange(self.speed_rpm.size, dtype=np.float64)
 
     @property
     def remaining_revolutions(self) -> Array:
@@ -152,19 +119,14 @@ class Trajectory:
 
 
 def trajectories(
-    fit: DamageFit,
-    influence: SpeedInfluence,
-    speed_rpm: ArrayLike,
-    dt_s: float,
-    limit: float,
-    *,
-    count: int = 6,
-    simulation_range_s: float = 2400.0,
-    not_before_row: int | None = None,
-) -> list[Trajectory]:
-    """Lives whose ends lie within the Simulation range about the end that the fitted rate foretells.
+    fit: DamageFit, influence: SpeedInfluence, speed_rpm: ArrayLike, dt_s: float, limit: float, *, count: int = 6,
+    simulation_range_s: float = 2400.0, not_before_row: int | None = None,
+) -> list[Trajectory]:  # fmt: skip
+    """Lives whose ends lie within the Simulation range about the end that the fitted rate foretells, shortest first.
 
-    Raises `TwingapError` when no growth was seen, or no life ends within the profile or the range.
+    Each has another rate. Peak to peak passes the limit at fast rows before it does at slow ones, so ends come only at
+    some rows: two lives may share one, and ends are only about evenly spaced. Raises `TwingapError` when no growth was
+    seen, or no life ends within the profile or the range.
 
     Parameters
     ----------
@@ -176,18 +138,10 @@ def trajectories(
         Time from row to row.
     limit : float
         Peak to peak at which a life ends, unit of `influence`.
-    count : int
-        6 in the paper.
     simulation_range_s : float
         Greatest difference between two ends: 40 minutes in the paper; half on either side of the centre.
     not_before_row : int, optional
         The bearing is known to have lived beyond this row (the last one measured): no life ends there or before.
-
-    Returns
-    -------
-    list of Trajectory
-        Shortest life first, each of another rate. Peak to peak passes the limit at fast rows before it does at slow
-        ones, so ends come only at some rows: two lives may share one, and ends are only about evenly spaced.
     """
     speed = np.asarray(speed_rpm, float)
     onset = round(fit.onset)
@@ -235,21 +189,14 @@ def trajectories(
     for target in targets:
         rate = float(np.exp(np.interp(target, rows, logs)))
         last = int(ends[np.flatnonzero(rates <= rate * (1 + 1e-12))[0]])
-        lives.append(_life(rate, fit, onset, dt_s, speed[: last + 1], gain[: last + 1]))
+        growth = fit.level * damage(np.arange(last + 1), rate, 0.0)
+        lives.append(Trajectory(rate, onset, dt_s, speed[: last + 1], gain[: last + 1], growth))
     return lives
 
 
 def _spread(first: float, last: float, count: int) -> Sequence[float]:
     """Evenly spaced targets; a single one in the middle."""
-    if count < 1:
-        raise TwingapError(f"count = {count}, at least 1 expected", where="trajectories")
     if count == 1:
         return [(first + last) / 2]
     # One possible end only: targets lie within the row before it, which all lead to it at rates of their own.
-    first = min(first, last - 0.5)
-    return [float(v) for v in np.linspace(first, last, count)]
-
-
-def _life(rate: float, fit: DamageFit, onset: int, dt_s: float, speed: Array, gain: Array) -> Trajectory:
-    growth = fit.level * damage(np.arange(speed.size), rate, 0.0)
-    return Trajectory(rate, onset, dt_s, speed, gain, growth)
+    return [float(v) for v in np.linspace(min(first, last - 0.5), last, count)]

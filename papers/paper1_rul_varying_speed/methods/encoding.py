@@ -10,20 +10,17 @@ Source: section 3.5 of paper 1, after Vaswani et al. 2017, Attention is all you 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from twingap.errors import TwingapError
-
-Array = NDArray[np.float64]
+from papers.arrays import Array
+from twingap import TwingapError
 
 D_MODEL = 24
 """Length of each encoding (table 4)."""
 
 
 def positional_encoding(position: ArrayLike, d_model: int = D_MODEL) -> Array:
-    """PE(pos, 2i) = sin(pos / 10000^(2i / d_model)), PE(pos, 2i + 1) = cos of the same: eq. 13.
-
-    Raises `TwingapError` for an odd length.
+    """PE(pos, 2i) = sin(pos / 10000^(2i / d_model)), PE(pos, 2i + 1) = cos of the same: eq. 13 [..., d_model].
 
     Parameters
     ----------
@@ -31,10 +28,6 @@ def positional_encoding(position: ArrayLike, d_model: int = D_MODEL) -> Array:
         From 1. Fractions are allowed, and lie between their neighbours.
     d_model : int
         Even, at least 2.
-
-    Returns
-    -------
-    Array [..., d_model]
     """
     if d_model < 2 or d_model % 2:
         raise TwingapError(f"d_model = {d_model}, an even number of at least 2 expected", where="encoding")
@@ -42,25 +35,8 @@ def positional_encoding(position: ArrayLike, d_model: int = D_MODEL) -> Array:
     return np.stack((np.sin(angle), np.cos(angle)), axis=-1).reshape(*angle.shape[:-1], d_model)
 
 
-def sequence_position(row: ArrayLike, onset_row: int) -> Array:
-    """Position of rows [...] after the anomaly: 1 for the first row after K_anomaly, the n of eq. 14.
-
-    Rows up to K_anomaly have no such place: they get 0 and less.
-    """
-    return np.asarray(row, float) - onset_row
-
-
 def speed_position(speed_rpm: ArrayLike, speeds_rpm: ArrayLike) -> Array:
-    """Position of a speed among the operating speeds: 1 for the lowest, an integer as in the paper: the nearest's.
-
-    Raises `TwingapError` when the operating speeds do not increase.
-
-    Parameters
-    ----------
-    speed_rpm : array_like [...]
-    speeds_rpm : array_like [speeds]
-        The operating speeds, increasing; the same for simulated and real rows.
-    """
+    """Position of speeds [...] among the increasing operating speeds: that of the nearest, 1 for the lowest."""
     speed, known = np.asarray(speed_rpm, float), np.asarray(speeds_rpm, float)
     if known.ndim != 1 or known.size == 0 or (np.diff(known) <= 0).any():
         raise TwingapError("increasing speeds expected", where="operating speeds")

@@ -14,10 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import find_peaks, welch
 
+from papers.arrays import Array
+from twingap import TwingapError
 from twingap.effects import Mode
-from twingap.errors import TwingapError
 
-Array = NDArray[np.float64]
 Samples = NDArray[np.float32]
 
 SEGMENT_HZ = 12.0
@@ -29,17 +29,10 @@ _LEAST_PROMINENCE = np.log(2.0)
 def excess_spectrum(
     faulty: Samples, faulty_rpm: Array, healthy: Samples, healthy_rpm: Array, fs_hz: float
 ) -> tuple[Array, Array]:  # fmt: skip
-    """Mean PSD of records less that of healthy ones of the nearest speed.
+    """Mean PSD of records [records, samples] less that of healthy ones of the nearest speed: frequencies, Hz, and PSD
+    [bins].
 
-    Parameters
-    ----------
-    faulty, healthy : Samples [records, samples]
-    faulty_rpm, healthy_rpm : Array [records]
-
-    Returns
-    -------
-    f_hz, psd : Array [bins]
-        Unit squared per Hz; 0 where healthy records have more.
+    Unit squared per Hz; 0 where healthy records have more.
     """
     segment = min(2 ** int(np.round(np.log2(fs_hz / SEGMENT_HZ))), faulty.shape[1], healthy.shape[1])
     f_hz, after = welch(faulty, fs_hz, nperseg=segment)
@@ -54,22 +47,16 @@ def excess_spectrum(
 def excited_modes(
     faulty: Samples, faulty_rpm: Array, healthy: Samples, healthy_rpm: Array, fs_hz: float, count: int = 4
 ) -> tuple[Mode, ...]:
-    """The modes that impacts ring most strongly.
+    """At most `count` modes that impacts ring most strongly, strongest first, whose gain is 1.
 
-    Raises `TwingapError` when nothing stands out of the healthy spectrum.
+    Damping is read off the width at half power, the window's own taken out. Raises `TwingapError` when nothing stands
+    out of the healthy spectrum.
 
     Parameters
     ----------
     faulty, healthy : Samples [records, samples]
         After K_anomaly and up to now; of the healthy beginning.
     faulty_rpm, healthy_rpm : Array [records]
-    count : int
-        At most so many.
-
-    Returns
-    -------
-    tuple of Mode
-        Strongest first, whose gain is 1. Damping is read off the width at half power, the window's own taken out.
     """
     f_hz, psd = excess_spectrum(faulty, faulty_rpm, healthy, healthy_rpm, fs_hz)
     step = float(f_hz[1])

@@ -14,20 +14,16 @@ import torch
 from torch import Tensor, nn
 
 from papers.paper1_rul_varying_speed.methods.architecture import LifeArchitecture
+from twingap import TwingapError
 from twingap.adapt.dann import reverse_gradient
-from twingap.errors import TwingapError
 
 
 class LifeNetwork(nn.Module):
     """Feature extractor, regressor and (adversarial only) discriminator of paper 1.
 
-    Raises `TwingapError` when records are too short to leave a feature.
-
-    Notes
-    -----
     Of 25,000 samples: 4 x 1555 -> 4 x 194 -> 16 x 60 -> 16 x 7 = 112 features. The regressor's last unit is a ReLU, as
     printed: a unit that is 0 for all records learns nothing more, so its bias begins at 0.5, the middle of labels that
-    are scaled to between 0 and 1.
+    are scaled to between 0 and 1. Raises `TwingapError` when records are too short to leave a feature.
     """
 
     def __init__(self, architecture: LifeArchitecture | None = None) -> None:
@@ -43,29 +39,18 @@ class LifeNetwork(nn.Module):
             nn.Conv1d(1, first, wide, stride), nn.ReLU(), nn.MaxPool1d(pools[0]),
             nn.Conv1d(first, second, narrow, step), nn.ReLU(), nn.MaxPool1d(pools[1]), nn.Flatten(),
         )  # fmt: skip
+
+        def hidden() -> tuple[nn.Module, ...]:
+            return nn.Linear(own.joined, 64), nn.ReLU(), nn.Linear(64, 32), nn.ReLU()
+
         # The layer of 32 that figure 13 shows is the end of `hidden`.
-        self.hidden = nn.Sequential(nn.Linear(own.joined, 64), nn.ReLU(), nn.Linear(64, 32), nn.ReLU())
+        self.hidden = nn.Sequential(*hidden())
         self.output = nn.Linear(32, 1)
         nn.init.constant_(self.output.bias, 0.5)
-        self.discriminator: nn.Sequential | None = None
-        if own.adversarial:
-            self.discriminator = nn.Sequential(
-                nn.Linear(own.joined, 64), nn.ReLU(), nn.Linear(64, 32), nn.ReLU(), nn.Linear(32, 1)
-            )
+        self.discriminator = nn.Sequential(*hidden(), nn.Linear(32, 1)) if own.adversarial else None
 
     def join(self, x: Tensor, sequence: Tensor | None = None, speed: Tensor | None = None) -> Tensor:
-        """Features of records with the encodings behind them.
-
-        Parameters
-        ----------
-        x : Tensor [batch, length]
-        sequence, speed : Tensor [batch, d_model], optional
-            Needed by a network that takes them, and unused by another.
-
-        Returns
-        -------
-        Tensor [batch, `architecture.joined`]
-        """
+        """Features of records [batch, length] with the encodings [batch, d_model] that it takes behind them."""
         own = self.architecture
         if x.ndim != 2 or x.shape[1] != own.length:
             raise TwingapError(f"records of shape {tuple(x.shape)}, [batch, {own.length}] expected", where="network")
@@ -89,10 +74,7 @@ class LifeNetwork(nn.Module):
         return torch.relu(self.output(self.hidden(joined)).squeeze(1))
 
     def domain(self, joined: Tensor) -> Tensor:
-        """Logits [batch] of "this is a real record", behind the gradient reversal; table 2's sigmoid is in the loss.
-
-        Raises `TwingapError` for a network without discriminator.
-        """
+        """Logits [batch] of "this is a real record", behind the gradient reversal; table 2's sigmoid is in the loss."""
         if self.discriminator is None:
             raise TwingapError("this network has no discriminator", where="network", mend="choose an adversarial model")
         logits: Tensor = self.discriminator(reverse_gradient(joined, self.architecture.reversal)).squeeze(1)

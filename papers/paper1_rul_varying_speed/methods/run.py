@@ -8,13 +8,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from twingap.errors import TwingapError
+from papers.arrays import Array
+from twingap import RecordSet, TwingapError
 from twingap.prognosis.speed_influence import SAME_SPEED
-from twingap.records import RecordSet
-
-Array = NDArray[np.float64]
 
 ALIKE = 0.9
 """Share of rows that must agree with those a period earlier: abrupt changes of a test stand are the rest."""
@@ -22,10 +20,7 @@ ALIKE = 0.9
 
 @dataclass(frozen=True)
 class Run:
-    """Rows of one run in order of time.
-
-    Raises `TwingapError` when the columns differ in length, or time does not increase.
-    """
+    """Rows of one run in order of time; raises `TwingapError` where columns differ in length or time does not rise."""
 
     time_s: Array  # [rows] since the start
     speed_rpm: Array  # [rows] mean over the record
@@ -56,14 +51,9 @@ class Run:
 
 
 def read_run(records: RecordSet) -> Run:
-    """Rows of a run from its records, one at a time in memory.
+    """Rows of a run from the records of one bearing, in order of time, one at a time in memory.
 
     Raises `TwingapError` when a record has no time.
-
-    Parameters
-    ----------
-    records : RecordSet
-        Of one bearing, in order of time, each with `time_s`.
     """
     for condition in records.conditions:
         if condition.time_s is None:
@@ -76,18 +66,10 @@ def read_run(records: RecordSet) -> Run:
 
 
 def period_rows(speed_rpm: ArrayLike) -> int:
-    """Rows after which a speed profile repeats itself.
+    """Rows after which a speed profile [rows] repeats itself.
 
-    Parameters
-    ----------
-    speed_rpm : array_like [rows]
-        Those within a relative distance of `SAME_SPEED` are equal.
-
-    Returns
-    -------
-    int
-        The fewest rows that hold every speed seen and after which `ALIKE` of all rows come again; 1 for a constant
-        speed, all rows when nothing repeats.
+    Speeds within a relative distance of `SAME_SPEED` are equal. Of the periods that hold every speed seen and after
+    which `ALIKE` of all rows come again, the shortest; 1 for a constant speed, all rows when nothing repeats.
     """
     speed = np.asarray(speed_rpm, float)
     low, high = float(speed.min()), float(speed.max())
@@ -105,26 +87,11 @@ def period_rows(speed_rpm: ArrayLike) -> int:
         # Long steps agree nearly as well a few rows too early: on to the top of the hill.
         if alike > best or (not found and alike >= ALIKE):
             found, best = lag, alike
-    if found:
-        return found
-    return int(speed.size)
+    return found or int(speed.size)
 
 
 def planned_speed(speed_rpm: ArrayLike, rows: int, period: int) -> Array:
-    """A profile seen so far, and on after it: each planned row repeats the one a period before.
-
-    Parameters
-    ----------
-    speed_rpm : array_like [seen]
-    rows : int
-        Of the whole result.
-    period : int
-        From `period_rows`, at most `seen`.
-
-    Returns
-    -------
-    Array [rows]
-    """
+    """A profile seen so far [seen], and on after it [rows]: each planned row repeats the one a `period` before."""
     seen = np.asarray(speed_rpm, float)
     if rows <= seen.size:
         return seen[:rows].copy()

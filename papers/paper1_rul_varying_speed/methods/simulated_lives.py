@@ -4,31 +4,28 @@ lives: speed, S(k) D(k), revolutions --amplitude for that peak to peak--> phenom
 records of the run after K_anomaly, speed, place ------------------------------------------------> Snapshots, no labels
 
 Eq. 1 of paper 1: x_k = S(k) D(k) sum_i h(t - iT - tau_i) q(iT) A_i + n(t). S and D scale the impacts, and n(t) stays as
-it is: `effects.SpeedGain`, which drives all excitation, is not eq. 1. The end of life is defined on peak to
-peak, so each record's impacts are given the strength with which it, noise included, has S(k) D(k) peak to peak, give or
-take what healthy records scatter about S.
+it is: `effects.SpeedGain`, which drives all excitation, is not eq. 1. The end of life is defined on peak to peak, so
+each record's impacts are given the strength with which it, noise included, has S(k) D(k) peak to peak, give or take
+what healthy records scatter about S.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from papers.arrays import Array
 from papers.paper1_rul_varying_speed.methods.adaptive_twin import AdaptiveTwin
 from papers.paper1_rul_varying_speed.methods.degradation import Trajectory
-from papers.paper1_rul_varying_speed.methods.encoding import sequence_position
 from papers.paper1_rul_varying_speed.methods.excited_modes import excited_modes
-from twingap.bearing import Bearing
+from twingap import Bearing, Condition, RecordSet, TwingapError
 from twingap.effects import Draft, Effect, ImpactScatter, LoadZone, Mode, SlipJitter, Stage
-from twingap.errors import TwingapError
-from twingap.records import Condition, RecordSet
 from twingap.twins.phenomenological import PhenomenologicalParameters, PhenomenologicalTwin
 
-Array = NDArray[np.float64]
 Samples = NDArray[np.float32]
 
 CHUNK = 128
@@ -68,10 +65,9 @@ class SignalModel:
     # "given", "matched": depth of q and scatter of A as given, or those of `IMPACT_SHAPES` with which simulated
     # records are as impulsive as the measured ones after the anomaly (peak to peak over RMS).
     impact_shape: Literal["given", "matched"] = "given"
-    # "constant", "with_speed", "measured": n(t) of eq. 1 is the same at all speeds. "with_speed": what passes
-    # the structure follows S, as healthy vibration of real machines does; the measuring chain's white noise does not.
-    # "measured": n(t) is a healthy record of the run at the nearest speed, shifted in time.
-    noise: Literal["constant", "with_speed", "measured"] = "constant"
+    # "constant": n(t) of eq. 1 is the same at all speeds. "measured": it is a healthy record of the run at the nearest
+    # speed, shifted in time.
+    noise: Literal["constant", "measured"] = "constant"
     # peak to peak of simulated noise over that of a healthy record, at the speed where that is least
     noise_share: float = 0.8
     # "healthy", "excited": h(t) of eq. 1 is the dominant mode of healthy records (eq. 8). "excited": the modes
@@ -82,16 +78,6 @@ class SignalModel:
 
 IMPACT_SHAPES = tuple((zone, scatter) for zone in (0.3, 1.0) for scatter in (0.1, 0.2, 0.3, 0.45, 0.6))
 """Depths of q and scatters of A among which is matched."""
-
-
-@dataclass(frozen=True)
-class _NoiseGain(Effect):
-    """The record's level of structure noise, from its columns."""
-
-    stage: ClassVar[Stage] = Stage.EXCITATION
-
-    def apply(self, draft: Draft, rng: np.random.Generator) -> None:
-        draft.amplify_force(float(draft.condition.extra["noise_gain"]))
 
 
 @dataclass(frozen=True)
@@ -119,19 +105,10 @@ class LifeSimulator:
     """
 
     def __init__(
-        self,
-        twin: AdaptiveTwin,
-        bearing: Bearing,
-        fault: str,
-        fs_hz: float,
-        n_samples: int,
-        rng: np.random.Generator,
-        model: SignalModel | None = None,
-        unit: str = "g",
-        *,
-        healthy: Snapshots | None = None,
-        faulty: Snapshots | None = None,
-    ) -> None:
+        self, twin: AdaptiveTwin, bearing: Bearing, fault: str, fs_hz: float, n_samples: int,
+        rng: np.random.Generator, model: SignalModel | None = None, unit: str = "g", *,
+        healthy: Snapshots | None = None, faulty: Snapshots | None = None,
+    ) -> None:  # fmt: skip
         self.twin, self.fault, self.fs_hz, self.n_samples = twin, fault, fs_hz, n_samples
         self.model = model or SignalModel()
         self._healthy = healthy if self.model.noise == "measured" else None
@@ -153,16 +130,11 @@ class LifeSimulator:
         self._bearing, self._unit = bearing, unit
         self._parameters = parameters
         # Noise of unit RMS has this peak to peak in a record of this length; then n(t) is known.
-        self._least = float(twin.influence.amplitude(twin.influence.speeds_rpm).min())
-        unit_noise = PhenomenologicalTwin(bearing, parameters, (_NoiseGain(), _MoreModes(path[1:])), unit)
+        unit_noise = PhenomenologicalTwin(bearing, parameters, (_MoreModes(path[1:]),), unit)
         pilots = np.full(8, twin.influence.speeds_rpm[0])
-        height = float(np.mean(np.ptp(self._made(unit_noise, pilots, 1.0, rng, "healthy"), axis=1)))
-        self.noise_rms = own.noise_share * self._least / height
-        scaled = replace(
-            parameters,
-            structure_noise_rms=structure * self.noise_rms,
-            white_noise_rms=max(white * self.noise_rms, 1e-9),
-        )
+        height = float(np.mean(np.ptp(self._made(unit_noise, pilots, rng, "healthy"), axis=1)))
+        rms = own.noise_share * float(twin.influence.amplitude(twin.influence.speeds_rpm).min()) / height
+        scaled = replace(parameters, structure_noise_rms=structure * rms, white_noise_rms=max(white * rms, 1e-9))
         self._quiet = PhenomenologicalTwin(bearing, scaled, unit_noise.effects, unit)
         self.impact_shape = (own.load_zone, own.scatter)
         if own.impact_shape == "matched":
@@ -170,21 +142,8 @@ class LifeSimulator:
                 raise TwingapError("needs records after the anomaly", where="signal model")
             self.impact_shape = self._matched(faulty, rng)
 
-    def noise_gain(self, speed_rpm: Array) -> Array:
-        """Factor on the structure noise at speeds [...]."""
-        if self.model.noise == "constant":
-            return np.ones_like(speed_rpm)
-        return self.twin.influence.amplitude(speed_rpm) / self._least
-
-    def snapshots(self, lives: Iterable[Trajectory], rng: np.random.Generator, most: int | None = None) -> Snapshots:
-        """Labelled records of lives, every row after K_anomaly to the end.
-
-        Parameters
-        ----------
-        most : int, optional
-            Records in all; where there are more rows, evenly spread ones are made.
-        """
-        lives = list(lives)
+    def snapshots(self, lives: Sequence[Trajectory], rng: np.random.Generator, most: int | None = None) -> Snapshots:
+        """Labelled records of every row after K_anomaly to the end; of more than `most`, evenly spread ones."""
         speed = np.concatenate([life.speed_rpm[1:] for life in lives])
         height = np.concatenate([life.peak_to_peak[1:] for life in lives])
         position = np.concatenate([life.positions[1:] for life in lives])
@@ -200,19 +159,12 @@ class LifeSimulator:
         return Snapshots(samples, speed, position[running], number[running].astype(np.int64), left[running])
 
     def records(
-        self,
-        speed_rpm: Array,
-        peak_to_peak: Array,
-        rng: np.random.Generator,
+        self, speed_rpm: Array, peak_to_peak: Array, rng: np.random.Generator,
         impact_shape: tuple[float, float] | None = None,
-    ) -> Samples:
-        """Records of a faulty bearing with just these peaks to peak; of noise alone where that has more.
+    ) -> Samples:  # fmt: skip
+        """Records of a faulty bearing with just these peaks to peak [records]; of noise alone where that has more.
 
-        Parameters
-        ----------
-        speed_rpm, peak_to_peak : Array [records]
-        impact_shape : (float, float), optional
-            Depth of q and scatter of A; the simulator's own when absent.
+        `impact_shape` is the depth of q and the scatter of A; the simulator's own when absent.
         """
         zone, scatter = impact_shape or self.impact_shape
         silent = replace(self._parameters, structure_noise_rms=0.0, white_noise_rms=1e-12)
@@ -224,7 +176,7 @@ class LifeSimulator:
         out = np.empty((speed_rpm.size, self.n_samples), np.float32)
         for start in range(0, speed_rpm.size, CHUNK):
             own = slice(start, start + CHUNK)
-            impacts = self._made(faulty, speed_rpm[own], 1.0, rng, self.fault)
+            impacts = self._made(faulty, speed_rpm[own], rng, self.fault)
             noise = self.noise(speed_rpm[own], rng)
             out[own] = noise + strengths(noise, impacts, peak_to_peak[own])[:, None] * impacts
         return out
@@ -246,14 +198,12 @@ class LifeSimulator:
         return IMPACT_SHAPES[min(range(len(IMPACT_SHAPES)), key=miss)]
 
     def noise(self, speed_rpm: Array, rng: np.random.Generator) -> Samples:
-        """n(t) of each record [records, length]: the twin of a healthy bearing at these speeds."""
-        if self._healthy is not None:
-            return self._background(speed_rpm, rng)
-        return self._made(self._quiet, speed_rpm, self.noise_gain(speed_rpm), rng, "healthy")
+        """n(t) of each record [records, length]: the twin of a healthy bearing at these speeds.
 
-    def _background(self, speed_rpm: Array, rng: np.random.Generator) -> Samples:
-        """Healthy records of the nearest speeds, each shifted (cyclically) and turned over at random."""
-        assert self._healthy is not None
+        Or "measured": healthy records of the nearest speeds, each shifted (cyclically) and turned over at random.
+        """
+        if self._healthy is None:
+            return self._made(self._quiet, speed_rpm, rng, "healthy")
         own = self._healthy.speed_rpm
         out = np.empty((speed_rpm.size, self.n_samples), np.float32)
         for i, speed in enumerate(speed_rpm):
@@ -263,21 +213,10 @@ class LifeSimulator:
             out[i] *= rng.choice((-1.0, 1.0))
         return out
 
-    def _made(
-        self,
-        chain: PhenomenologicalTwin,
-        speed_rpm: Array,
-        noise_gain: Array | float,
-        rng: np.random.Generator,
-        fault: str,
-    ) -> Samples:
-        gains = np.broadcast_to(noise_gain, speed_rpm.shape)
+    def _made(self, chain: PhenomenologicalTwin, speed_rpm: Array, rng: np.random.Generator, fault: str) -> Samples:
         conditions = (
-            Condition(
-                str(i), float(speed), self.fs_hz, self.n_samples, fault, extra={"noise_gain": float(gains[i])}
-            )
-            for i, speed in enumerate(speed_rpm)
-        )  # fmt: skip
+            Condition(str(i), float(speed), self.fs_hz, self.n_samples, fault) for i, speed in enumerate(speed_rpm)
+        )
         out = np.empty((speed_rpm.size, self.n_samples), np.float32)
         for i, record in enumerate(chain.stream(conditions, rng, threads=1)):
             out[i] = record.samples
@@ -285,18 +224,8 @@ class LifeSimulator:
 
 
 def strengths(noise: Samples, impacts: Samples, peak_to_peak: Array) -> Array:
-    """Factors [records] on impacts with which records have the wanted peak to peak; 0 where noise alone has more.
-
-    Parameters
-    ----------
-    noise, impacts : Samples [records, samples]
-    peak_to_peak : Array [records]
-
-    Returns
-    -------
-    Array [records]
-        To a thousandth of the peak to peak.
-    """
+    """Factors [records] on impacts with which records have the wanted peak to peak, to a thousandth; 0 where noise
+    [records, samples] alone has more."""
     out = np.zeros(len(noise))
     for i, wanted in enumerate(peak_to_peak):
         own, faulty = noise[i], impacts[i]
@@ -322,21 +251,7 @@ def strengths(noise: Samples, impacts: Samples, peak_to_peak: Array) -> Array:
 
 
 def measured_snapshots(records: RecordSet, onset_row: int, rows: Iterable[int], n_samples: int) -> Snapshots:
-    """Records of a real run, without labels.
-
-    Raises `TwingapError` when a record is shorter.
-
-    Parameters
-    ----------
-    records : RecordSet
-        The run, a record per row.
-    onset_row : int
-        K_anomaly.
-    rows : iterable of int
-        Which.
-    n_samples : int
-        From the beginning of each record.
-    """
+    """Unlabelled records of a real run, which has a record per row: the first `n_samples` of these rows."""
     places = list(rows)
     out = np.empty((len(places), n_samples), np.float32)
     for i, record in enumerate(records.take(places)):
@@ -347,24 +262,9 @@ def measured_snapshots(records: RecordSet, onset_row: int, rows: Iterable[int], 
             )  # fmt: skip
         out[i] = record.samples[:n_samples]
     speed = np.array([records.conditions[p].speed_rpm for p in places], float)
-    return Snapshots(out, speed, sequence_position(np.array(places), onset_row), np.zeros(len(places), np.int64))
+    return Snapshots(out, speed, np.array(places, float) - onset_row, np.zeros(len(places), np.int64))
 
 
 def joined(parts: Sequence[Snapshots]) -> Snapshots:
-    """Snapshots one after the other; labels where all parts have them.
-
-    Parameters
-    ----------
-    parts : sequence of Snapshots
-        At least one.
-    """
-    if len(parts) == 1:
-        return parts[0]
-    labels = [p.revolutions for p in parts if p.revolutions is not None]
-    return Snapshots(
-        np.concatenate([p.samples for p in parts]),
-        np.concatenate([p.speed_rpm for p in parts]),
-        np.concatenate([p.position for p in parts]),
-        np.concatenate([p.life for p in parts]),
-        np.concatenate(labels) if len(labels) == len(parts) else None,
-    )
+    """Labelled snapshots one after the other."""
+    return Snapshots(*(np.concatenate([getattr(p, field.name) for p in parts]) for field in fields(Snapshots)))

@@ -3,9 +3,12 @@
 simulated: record, place, speed --> features --+--> regressor ------------> eq. 7, mean squared error
 real, up to now: the same, no labels ----------+--> reversal --> discriminator --> eq. 15     (adversarial models)
 
-Labels are remaining revolutions over those of the longest simulated life, so from 0 to 1; one number scales the samples
-of both domains. Checkpoints are chosen without a label of the real run (`judge_checkpoints`). Source: sections 2.2, 3.7
-and 4 of paper 1.
+Training seeks the saddle of L = L_r - lambda (L_d of simulated records + L_d of real ones), eq. 6: what is lowered is
+L_r + L_d + L_d, with the domain logits from behind the reversal. Extractor and regressor then get the gradient of eq.
+6, lambda included, and the discriminator that of L_d itself: by eq. 6 it would be lambda times as much, which only
+changes its step. Labels are remaining revolutions over those of the longest simulated life, so from 0 to 1; one number
+scales the samples of both domains. Checkpoints are chosen without a label of the real run (`judge_checkpoints`).
+Source: sections 2.2, 3.7 and 4 of paper 1, after Ganin et al. 2016, arXiv:1505.07818.
 """
 
 from __future__ import annotations
@@ -16,20 +19,20 @@ from typing import Final
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 from torch import Tensor
+from torch.nn import functional
 
+from papers.arrays import Array
 from papers.paper1_rul_varying_speed.methods.architecture import LifeArchitecture
 from papers.paper1_rul_varying_speed.methods.encoding import positional_encoding, speed_position
-from papers.paper1_rul_varying_speed.methods.losses import REAL, SIMULATED, descended, domain_loss, regression_loss
 from papers.paper1_rul_varying_speed.methods.network import LifeNetwork
 from papers.paper1_rul_varying_speed.methods.simulated_lives import Snapshots
-from twingap.adapt.nets import best_device
-from twingap.adapt.training import reproducible
-from twingap.errors import TwingapError
+from twingap import TwingapError
+from twingap.adapt import best_device, reproducible
 
-Array = NDArray[np.float64]
 State = dict[str, Tensor]
+SIMULATED, REAL = 0.0, 1.0
+"""Domain labels y of eq. 15."""
 
 
 @dataclass(frozen=True)
@@ -86,11 +89,11 @@ class TrainedLife:
 
     def predict(self, snapshots: Snapshots, place: int = -1, batch: int = 256) -> Array:
         """Remaining revolutions [records] by one checkpoint; each depends on its own record alone."""
-        return self._run(snapshots, place, batch, lambda net, joined: net.life(joined)) * self.scales.revolutions
+        return self._run(snapshots, place, batch, LifeNetwork.life) * self.scales.revolutions
 
     def embed(self, snapshots: Snapshots, place: int = -1, batch: int = 256) -> Array:
         """The regressor's second layer [records, 32], which figure 13 shows."""
-        return self._run(snapshots, place, batch, lambda net, joined: net.embed(joined))
+        return self._run(snapshots, place, batch, LifeNetwork.embed)
 
     def _run(
         self, snapshots: Snapshots, place: int, batch: int, wanted: Callable[[LifeNetwork, Tensor], Tensor]
@@ -111,41 +114,32 @@ def scales_of(simulated: Snapshots, speeds_rpm: Sequence[float] | Array) -> Life
     return LifeScales(rms, float(simulated.revolutions.max()), tuple(float(s) for s in speeds_rpm))
 
 
+def domain_loss(logits: Tensor, domain: float) -> Tensor:
+    """L_d of eqs. 7 and 15, averaged: -y log p - (1 - y) log(1 - p) with p = sigmoid(logit), y the records' domain."""
+    return functional.binary_cross_entropy_with_logits(logits, logits.new_full(logits.shape, domain))
+
+
 def train_life(
-    simulated: Snapshots,
-    real: Snapshots,
-    architecture: LifeArchitecture,
-    scales: LifeScales,
-    settings: LifeTraining | None = None,
-    seed: int = 0,
-    device: str = "auto",
-) -> TrainedLife:
-    """Train one model.
+    simulated: Snapshots, real: Snapshots, architecture: LifeArchitecture, scales: LifeScales,
+    settings: LifeTraining | None = None, seed: int = 0,
+) -> TrainedLife:  # fmt: skip
+    """Train one model: same seed, same bytes on the same kind of device.
 
     Raises `TwingapError` when simulated records lack labels, or real ones bring them.
 
     Parameters
     ----------
-    simulated : Snapshots
-        Labelled.
     real : Snapshots
         Of the run up to now, after the anomaly; not used by a model that is not adversarial.
     seed : int
         Of weights and order of batches.
-    device : str
-        "auto", "cpu" or "cuda".
-
-    Returns
-    -------
-    TrainedLife
-        Same seed, same bytes on the same kind of device.
     """
     settings = settings or LifeTraining()
     if simulated.revolutions is None:
         raise TwingapError("simulated records without labels", where="training")
     if real.revolutions is not None:
         raise TwingapError("labels of the real run may not reach training", where="training", mend="use unlabelled()")
-    place = best_device(device)
+    place = best_device("auto")
     with reproducible(seed):
         net = LifeNetwork(architecture).to(place)
         optimiser = torch.optim.AdamW(net.parameters(), lr=settings.learning_rate, weight_decay=settings.weight_decay)
@@ -166,14 +160,14 @@ def train_life(
         for step in range(settings.steps):
             chosen = next(batches).to(place)
             joined = net.join(*_taken(shown, chosen, varying))
-            loss = regression_loss(net.life(joined), labels[chosen])
+            loss = functional.mse_loss(net.life(joined), labels[chosen])
             losses.append(loss.detach())
             if architecture.adversarial:
                 away = net.domain(joined[alike[chosen]])
                 here = net.domain(net.join(*_taken(other, next(real_batches).to(place), real_varying)))
                 correct.append(torch.cat((away.detach() < 0, here.detach() > 0)).float().mean())
                 told_apart = domain_loss(away, SIMULATED) if len(away) else loss.new_zeros(())
-                loss = descended(loss, told_apart, domain_loss(here, REAL))
+                loss = loss + told_apart + domain_loss(here, REAL)
             optimiser.zero_grad(set_to_none=True)
             loss.backward()  # type: ignore[no-untyped-call]
             optimiser.step()
@@ -213,18 +207,13 @@ def _batches(count: int, batch: int, rng: np.random.Generator) -> Iterator[Tenso
         pool = pool[batch:]
 
 
-# -- which checkpoint -------------------------------------------------------------------------------------------------
-
-
 @dataclass(frozen=True)
 class LifeEvidence:
-    """Input of a selection criterion: without labels of the real run."""
+    """Input of a selection criterion, over the label scale: without labels of the real run."""
 
-    # [records] predicted less true remaining revolutions of simulated lives that were not trained on, over the label
-    # scale
-    held_out: Array
-    # [real records] revolutions since the first real record plus those predicted to remain, over the label scale: the
-    # whole life, which is one number, however often it is predicted
+    held_out: Array  # [records] predicted less true remaining revolutions of simulated lives that were not trained on
+    # [real records] revolutions since the first real record plus those predicted to remain: the whole life, which is
+    # one number, however often it is predicted
     real_total: Array
 
 
@@ -253,17 +242,8 @@ CRITERIA: Final[dict[str, Callable[[LifeEvidence], float]]] = {
 
 
 def judge_checkpoints(trained: TrainedLife, held_out: Snapshots, real: Snapshots, dt_s: float) -> list[LifeEvidence]:
-    """Evidence on every checkpoint.
-
-    Parameters
-    ----------
-    held_out : Snapshots
-        Labelled records of simulated lives that were not trained on.
-    real : Snapshots
-        Unlabelled, in order of time: those of training.
-    dt_s : float
-        Time from row to row.
-    """
+    """Evidence on every checkpoint, from labelled records of simulated lives that were not trained on and from
+    unlabelled real ones in order of time, `dt_s` from row to row."""
     if held_out.revolutions is None:
         raise TwingapError("held-out simulated records without labels", where="checkpoints")
     scale = trained.scales.revolutions
@@ -278,10 +258,7 @@ def judge_checkpoints(trained: TrainedLife, held_out: Snapshots, real: Snapshots
 
 
 def choose(evidence: Sequence[LifeEvidence], criterion: str = "error_and_steadiness") -> int:
-    """Place of the checkpoint that the criterion prefers; the latest of equals.
-
-    Raises `TwingapError` for an unknown criterion.
-    """
+    """Place of the checkpoint that the criterion prefers; the latest of equals."""
     if criterion not in CRITERIA:
         raise TwingapError(f"no criterion {criterion!r}", where="checkpoints", mend=f"use {', '.join(CRITERIA)}")
     scores = np.array([CRITERIA[criterion](e) for e in evidence])

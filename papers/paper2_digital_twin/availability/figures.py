@@ -12,9 +12,9 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
+from papers.figures import subplots
 from papers.framework import Work
-from papers.paper2_digital_twin.availability.records import TITLES
-from papers.paper2_digital_twin.availability.split import SPLITS
+from papers.paper2_digital_twin.availability.records import SPLITS, TITLES
 from papers.paper2_digital_twin.availability.tables import METHODS, judging
 
 LOOKS: Final = {
@@ -34,8 +34,9 @@ def crossings(accuracy: pd.DataFrame, crossed: pd.DataFrame) -> Figure:
     accuracy = accuracy.assign(records=accuracy["records a fault"].astype(str))
     crossed = crossed.assign(start=crossed["at least as good from"].fillna("").astype(str))
     steps, titles = list(dict.fromkeys(accuracy["records"])), list(dict.fromkeys(accuracy["data"]))
-    figure = Figure(figsize=(12, 4.4 * len(titles) + 0.8), layout="constrained")
-    panels = figure.subplots(len(titles), len(SPLITS), squeeze=False, sharey=True, sharex=True)
+    figure, panels = subplots(
+        (12, 4.4 * len(titles) + 0.8), len(titles), len(SPLITS), squeeze=False, sharey=True, sharex=True
+    )
     for row, title in enumerate(titles):
         for column, split in enumerate(SPLITS):
             panel = panels[row, column]
@@ -105,8 +106,7 @@ def severity(work: Work) -> Figure:
         unit = "deg" if name == "hit_sm" else "in"
         names = [data.classes[c] + ("" if data.classes[c] == "healthy" else f"\n{s:g} {unit}") for c, s in groups]
         panel.set_xticks(range(len(groups)), names)
-        panel.set_yscale("log")
-        panel.set_ylabel("MQE over threshold")
+        panel.set(yscale="log", ylabel="MQE over threshold")
         panel.set_title(
             f"{TITLES[name]}: median and middle 80 % of windows unseen by the map; speed rises to the right"
         )

@@ -11,6 +11,7 @@ Used in: Paper 2, diagnosis by how much fault data there is.
 from __future__ import annotations
 
 import dataclasses
+import itertools
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,35 +20,25 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from papers.paper2_digital_twin.availability.records import TITLES, WINDOW, Measured, at_hand, backgrounds, measure
-from papers.paper2_digital_twin.availability.source import (
-    Background,
-    Kind,
-    Plant,
-    SourceOptions,
-    healthy_recordings,
-    simulate,
-)
-from papers.paper2_digital_twin.availability.split import ALL, SPLITS, counts_of, judged, labelled
-from papers.paper2_digital_twin.methods.class_maps import fit_class_maps
+from papers.arrays import Array
+from papers.options import expect, read
+from papers.paper2_digital_twin.availability import records, source
+from papers.paper2_digital_twin.availability.records import ALL, SPLITS, TITLES, Measured
+from papers.paper2_digital_twin.availability.source import Background, Kind, Plant, SourceOptions
 from papers.paper2_digital_twin.methods.condition_features import window_features
 from papers.paper2_digital_twin.methods.few_labels import fit_few_labels
 from papers.paper2_digital_twin.methods.inception import InceptionTraining, evidence, outputs, train_inception
 from papers.paper2_digital_twin.methods.residual_head import HeadOptions, fit_residual_head
 from papers.paper2_digital_twin.methods.scalograms import ImageOptions, Images, Modulation, images, pieces_of
-from papers.paper2_digital_twin.methods.severity import MapOptions, healthy_map
-from twingap.adapt.selection import CRITERIA, Evidence, select
-from twingap.adapt.training import Outputs
-from twingap.config import build, read_toml
-from twingap.errors import TwingapError
+from papers.paper2_digital_twin.methods.severity import MapOptions, fit_class_maps, healthy_map
+from twingap import RecordSet, TwingapError
+from twingap.adapt import CRITERIA, Evidence, Outputs, select
 from twingap.provenance import digest_of_value
-from twingap.records import RecordSet
 
 if TYPE_CHECKING:
     from papers.framework import Inputs, Work
 
 CONFIG: Final = Path(__file__).with_name("config.toml")
-Array = NDArray[np.float64]
 Places = NDArray[np.int64]
 HELD_OUT: Final = 5
 """Every fifth virtual machine is kept from training."""
@@ -83,12 +74,11 @@ class Options:
     profiles: dict[str, Size]
 
 
-def check_options(options: Options, path: Path) -> None:
+def check(options: Options, path: Path) -> None:
     """Refuse what the types of the entries allow and the study cannot do."""
-    if options.criterion not in CRITERIA:
-        raise TwingapError(f"criterion = {options.criterion!r}, one of {', '.join(CRITERIA)} expected", where=path)
-    if any(name not in TITLES for name in options.data) or not options.data:
-        raise TwingapError(f"data = {list(options.data)}, some of {', '.join(TITLES)} expected", where=path)
+    expect(options.criterion, CRITERIA, f"{path}: criterion")
+    for name in options.data:
+        expect(name, TITLES, f"{path}: data")
     if options.folds < 2 or any(count < 1 for count in options.counts):
         raise TwingapError("two folds or more and counts of 1 or more expected", where=path)
     if max(options.source.pooled) != options.source.pooled[-1]:
@@ -97,9 +87,7 @@ def check_options(options: Options, path: Path) -> None:
 
 def read_options(path: Path = CONFIG) -> Options:
     """The study's configuration, for studies that share it."""
-    options = build(Options, read_toml(path), path)
-    check_options(options, path)
-    return options
+    return read(Options, check, path)
 
 
 @dataclass(frozen=True)
@@ -160,11 +148,8 @@ def baseline_of(data: Measured, judge: Sequence[str]) -> Array:
 
 def strips(data: Measured, recording: str, baseline: Array, image: ImageOptions, size: int) -> Images:
     """A recording as images of up to `size` consecutive pieces each."""
-    return _pooled(data, data.pieces([recording]), baseline, image, size)
-
-
-def _pooled(data: Measured, places: Places, baseline: Array, image: ImageOptions, size: int) -> Images:
-    found = [Modulation(data.found.lines[p], data.found.power[p]).pooled() for p in _parts(places, size)]
+    parts = _parts(data.pieces([recording]), size)
+    found = [Modulation(data.found.lines[p], data.found.power[p]).pooled() for p in parts]
     whole = Modulation(np.concatenate([f.lines for f in found]), np.concatenate([f.power for f in found]))
     return images(whole, baseline, image)
 
@@ -178,13 +163,7 @@ def network(job: NetworkJob, data: Mapping[str, Measured], source: Mapping[str, 
     """Train on the twin's images, choose without labels, judge; then correct it by few labels, and judge.
 
     The network itself learns from no label: the head's mean must not have seen the records that it is corrected by.
-
-    Parameters
-    ----------
-    data : Mapping[str, Measured]
-        Data sets by name.
-    source : Mapping[str, Any]
-        Of `availability_source.simulate`, by ``data kind fold``.
+    `source` holds what `source.simulate` gives, by ``data kind fold``.
 
     Returns
     -------
@@ -199,7 +178,7 @@ def network(job: NetworkJob, data: Mapping[str, Measured], source: Mapping[str, 
     states = train_inception(x[~held], y[~held], n_classes, job.training, job.seed)
     out: dict[str, Any] = {}
     # Healthy recordings are dealt alike in all splits, and with them the baseline.
-    baseline = baseline_of(own, judged(own, SPLITS[0], job.fold, job.folds, job.seed))
+    baseline = baseline_of(own, records.judged(own, SPLITS[0], job.fold, job.folds, job.seed))
     target = {r: strips(own, r, baseline, job.image, STRIP) for r in own.recordings}
     each = {r: np.stack([own.features[p].mean(axis=0) for p in _parts(own.pieces([r]), STRIP)]) for r in own.recordings}
     owner = np.concatenate([[r] * len(v) for r, v in target.items()])
@@ -207,11 +186,13 @@ def network(job: NetworkJob, data: Mapping[str, Measured], source: Mapping[str, 
     alone = images(own.found, baseline, job.image)
     seen = evidence(states, x[held], y[held], shown, n_classes, job.training)
     for split in SPLITS:
-        judge = judged(own, split, job.fold, job.folds, job.seed)
+        judge = records.judged(own, split, job.fold, job.folds, job.seed)
         learn = [r for r in own.recordings if r not in judge]
         known = np.isin(owner, learn)
         # The choice looks at the recordings that may be learnt from, without their labels, never at those judged.
-        choosing = [Evidence(e.source, e.source_labels, _some(e.target, known)) for e in seen]
+        choosing = [
+            Evidence(e.source, e.source_labels, Outputs(e.target.logits[known], e.target.features[known])) for e in seen
+        ]
         place = select(choosing, job.criterion)
         calls = [_calls(e.target.probabilities, owner, judge) for e in seen]
         rows: dict[str, Any] = {"0": {"calls": calls[place], "labels": 0}}
@@ -227,8 +208,8 @@ def network(job: NetworkJob, data: Mapping[str, Measured], source: Mapping[str, 
         logits = seen[place].target.logits.astype(np.float64)
         for count in job.counts:
             rng = np.random.default_rng([job.seed, 31, job.fold, SPLITS.index(split)])
-            few = labelled(own, learn, count, rng, all_healthy=True)
-            row: dict[str, Any] = {"labels": counts_of(own, few)}
+            few = records.labelled(own, learn, count, rng, all_healthy=True)
+            row: dict[str, Any] = {"labels": records.counts_of(own, few)}
             for name, options in (("calls", job.head), ("without network", dataclasses.replace(job.head, trust=0.0))):
                 head = fit_residual_head(pieces[few], own.features[few], truth[few], unlabelled, options)
                 told = head.probabilities(logits[asked], features[asked])
@@ -243,32 +224,28 @@ def shallow(job: ShallowJob, data: Mapping[str, Measured]) -> dict[str, Any]:
     n_classes, truth = len(own.classes), own.piece_labels()
     out: dict[str, Any] = {}
     for split in SPLITS:
-        judge = judged(own, split, job.fold, job.folds, job.seed)
+        judge = records.judged(own, split, job.fold, job.folds, job.seed)
         learn = [r for r in own.recordings if r not in judge]
         asked = own.pieces(judge)
         out[split] = {"SVM": {}, "SOM-MQE": {}}
         for count in job.counts:
             rng = np.random.default_rng([job.seed, 31, job.fold, SPLITS.index(split)])
-            places = labelled(own, learn, count, rng, all_healthy=False)
+            places = records.labelled(own, learn, count, rng, all_healthy=False)
             f, y = own.features[places], truth[places]
             svm = fit_few_labels(f, y, own.recording[places], n_classes)
             maps = fit_class_maps(f, y, n_classes, job.maps, rng)
-            for name, told in (
-                ("SVM", svm.probabilities(own.features[asked])),
-                ("SOM-MQE", maps.probabilities(own.features[asked])),
-            ):
-                row: dict[str, Any] = {
-                    "calls": _calls(told, own.recording[asked], judge),
-                    "labels": counts_of(own, places),
-                }
-                if name == "SVM":
-                    row |= {"cross-validated": svm.cross_validated}
-                out[split][name][str(count)] = row
+            for name, made in (("SVM", svm), ("SOM-MQE", maps)):
+                called = _calls(made.probabilities(own.features[asked]), own.recording[asked], judge)
+                out[split][name][str(count)] = {"calls": called, "labels": records.counts_of(own, places)}
     return out
 
 
 def alarm(job: AlarmJob, data: Mapping[str, Measured]) -> dict[str, Any]:
-    """Healthy map of all healthy recordings but one; MQE and alarms of every recording."""
+    """Healthy map of all healthy recordings but one; MQE and alarms of every recording.
+
+    A recording alarms when more than half of its windows do. They stand and fall together, so no independence is
+    assumed: by Markov's inequality a healthy recording alarms with a probability of at most 2 `false_alarm`.
+    """
     own = data[job.data]
     healthy = [h for h in own.healthy() if h != job.without]
     inside = np.isin(own.window_recording, healthy)
@@ -277,12 +254,11 @@ def alarm(job: AlarmJob, data: Mapping[str, Measured]) -> dict[str, Any]:
     )
     rows = {}
     for r in own.recordings:
-        mine = own.windows[own.window_recording == r]
-        mqe = made.mqe(mine)
+        mqe = made.mqe(own.windows[own.window_recording == r])
+        share = float((mqe > made.threshold).mean())
         rows[r] = {
-            "windows": len(mine), "mqe": float(np.median(mqe)), "mqe low": float(np.quantile(mqe, 0.1)),
-            "mqe high": float(np.quantile(mqe, 0.9)), "share": float((mqe > made.threshold).mean()),
-            "alarm": made.recording_alarms(mine),
+            "mqe": float(np.median(mqe)), "mqe low": float(np.quantile(mqe, 0.1)),
+            "mqe high": float(np.quantile(mqe, 0.9)), "share": share, "alarm": share > 0.5,
         }  # fmt: skip
     held = {h: float((made.held_out[own.window_recording[inside] == h] > made.threshold).mean()) for h in healthy}
     return {"threshold": made.threshold, "healthy windows": int(inside.sum()), "recordings": rows, "held out": held}
@@ -290,17 +266,13 @@ def alarm(job: AlarmJob, data: Mapping[str, Measured]) -> dict[str, Any]:
 
 def false_alarms(job: CheckJob) -> dict[str, Any]:
     """A simulated healthy machine: three recordings calibrate, the others are judged."""
-    made = healthy_recordings(job.plant, job.seed, job.recordings, job.seconds)
-    each = [window_features(pieces_of(x, WINDOW), np.median) for x in made]
+    made = source.healthy_recordings(job.plant, job.seed, job.recordings, job.seconds)
+    each = [window_features(pieces_of(x, records.WINDOW), np.median) for x in made]
     group = np.concatenate([[f"r{i}"] * len(f) for i, f in enumerate(each[:3])])
     own = healthy_map(np.concatenate(each[:3]), group, job.false_alarm, np.random.default_rng(job.seed), job.maps)
-    shares = [float(own.alarms(f).mean()) for f in each[3:]]
+    shares = [float((own.mqe(f) > own.threshold).mean()) for f in each[3:]]
     return {"windows": sum(map(len, each[3:])), "share": float(np.mean(shares)), "alarms": sum(s > 0.5 for s in shares),
             "recordings": len(shares)}  # fmt: skip
-
-
-def _some(outputs: Outputs, keep: NDArray[np.bool_]) -> Outputs:
-    return Outputs(outputs.logits[keep], outputs.features[keep])
 
 
 def _calls(probabilities: Array, owner: NDArray[np.str_], judge: Sequence[str]) -> dict[str, int]:
@@ -312,19 +284,19 @@ def _calls(probabilities: Array, owner: NDArray[np.str_], judge: Sequence[str]) 
 def load_sets(work: Work) -> dict[str, RecordSet]:
     """Those of the data sets that are at hand; the virtual rig when none is."""
     options, size = work.options, work.size
-    found = at_hand(options.data[:1] if size.smoke else options.data, work.root, size.rig_duration_s)
+    found = records.at_hand(options.data[:1] if size.smoke else options.data, work.root, size.rig_duration_s)
     work.title = ", ".join(TITLES[name] for name in found)
     return found
 
 
 def measured(work: Work) -> dict[str, Measured]:
-    return {name: measure(found, name, work.options.image) for name, found in work["records"].items()}
+    return {name: records.measure(found, name, work.options.image) for name, found in work["records"].items()}
 
 
 def healthy(work: Work) -> dict[str, dict[str, Background]]:
     """Each set's recordings that a twin may stand on."""
     image = work.options.image
-    return {name: backgrounds(found, work["data"][name], image) for name, found in work["records"].items()}
+    return {name: records.backgrounds(found, work["data"][name], image) for name, found in work["records"].items()}
 
 
 def folds(work: Work) -> range:
@@ -339,29 +311,26 @@ def kinds(work: Work) -> dict[Kind, int]:
 
 
 def plants(work: Work) -> dict[str, Plant]:
+    options, machines, healthy = work.options, work.size.machines, work["healthy"]
     return {
-        f"{name} {kind} {fold}":
-            _plant(work.options, own, kind, fold, work.size.machines, tuple(work["healthy"][name]), work.seed)
-        for name, own in work["data"].items()
-        for kind in kinds(work)
-        for fold in folds(work)
-    }  # fmt: skip
+        f"{name} {kind} {fold}": _plant(options, own, kind, fold, machines, tuple(healthy[name]), work.seed)
+        for (name, own), kind, fold in itertools.product(work["data"].items(), kinds(work), folds(work))
+    }
 
 
 def shallows(work: Work) -> Iterator[ShallowJob]:
     options = work.options
-    for name in work["data"]:
-        for seed in range(work.seed, work.seed + work.size.seeds):
-            for fold in folds(work):
-                yield ShallowJob(name, fold, options.folds, seed, (*options.counts, ALL), options.map)
+    seeds = range(work.seed, work.seed + work.size.seeds)
+    for name, seed, fold in itertools.product(work["data"], seeds, folds(work)):
+        yield ShallowJob(name, fold, options.folds, seed, (*options.counts, ALL), options.map)
 
 
 def alarms(work: Work) -> Iterator[AlarmJob]:
     """Alarms by set, healthy recording kept from the map, and seed."""
+    seeds = range(work.seed, work.seed + work.size.seeds)
     for name, own in work["data"].items():
-        for without in ("", *own.healthy()):
-            for seed in range(work.seed, work.seed + work.size.seeds):
-                yield AlarmJob(name, without, seed, work.options.false_alarm, work.options.map)
+        for without, seed in itertools.product(("", *own.healthy()), seeds):
+            yield AlarmJob(name, without, seed, work.options.false_alarm, work.options.map)
 
 
 def checks(work: Work) -> Iterator[CheckJob]:
@@ -377,13 +346,11 @@ def networks(work: Work) -> Iterator[NetworkJob]:
     options = work.options
     training = dataclasses.replace(options.training, steps=work.size.steps)
     for kind, count in kinds(work).items():
-        for seed in range(work.seed, work.seed + count):
-            for name in work["data"]:
-                for fold in folds(work):
-                    yield NetworkJob(
-                        name, kind, fold, options.folds, seed, (*options.counts, ALL) if kind == "grafted" else (),
-                        options.criterion, training, options.head, options.image,
-                    )  # fmt: skip
+        seeds, counts = range(work.seed, work.seed + count), (*options.counts, ALL) if kind == "grafted" else ()
+        for seed, name, fold in itertools.product(seeds, work["data"], folds(work)):
+            yield NetworkJob(
+                name, kind, fold, options.folds, seed, counts, options.criterion, training, options.head, options.image
+            )
 
 
 def of_data(work: Work) -> Inputs:
@@ -398,7 +365,7 @@ def simulated(work: Work) -> dict[str, Any]:
     for name in work["data"]:
         here = list(dict.fromkeys(p for p in wanted.values() if p.data == name))
         inputs = {"healthy": (work["healthy"][name], work["records"][name].digest)}
-        made |= {r.job: r.value for r in work.sweep(simulate, here, inputs, what="populations")}
+        made |= {r.job: r.value for r in work.sweep(source.simulate, here, inputs, what="populations")}
     return {key: made[plant] for key, plant in wanted.items()}
 
 
@@ -415,7 +382,7 @@ def _plant(
     under: tuple[str, ...] = ()
     if kind == "grafted":
         # Healthy recordings are dealt alike in every seed and split.
-        own = judged(data, SPLITS[0], fold, options.folds, seed)
+        own = records.judged(data, SPLITS[0], fold, options.folds, seed)
         under = tuple(b for b in backgrounds if b not in own)
         if not under:
             raise TwingapError("no healthy recording is left to learn from", where=f"{data.name}, fold {fold}")

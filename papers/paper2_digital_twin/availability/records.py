@@ -1,9 +1,9 @@
-"""Recordings of the availability study, cut into pieces of equal shaft angle.
+"""Recordings of the availability study, cut into pieces of equal shaft angle; folds and labels.
 
 recording --cut--> pieces of some turns (the labelled "records") --> modulation, features
               +--> short windows --> features for the healthy map
-
-Used in: Paper 2, section 3, diagnosis by how much fault data there is.
+recordings --by recording (shuffled by seed) or by bearing--> folds: learn | judge
+learn --n records of each fault, from as many recordings as there are--> labelled
 """
 
 from __future__ import annotations
@@ -11,23 +11,21 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
+from typing import Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from papers.arrays import Array
 from papers.paper2_digital_twin.availability.source import Background
 from papers.paper2_digital_twin.methods.condition_features import line_features, window_features
 from papers.paper2_digital_twin.methods.scalograms import ImageOptions, Modulation, modulation, pieces_of
-from twingap.bearing import BEARINGS, Bearing
+from twingap import BEARINGS, Bearing, RecordSet, TwingapError, data
 from twingap.data import NotAtHandError
-from twingap.errors import TwingapError
-from twingap.records import RecordSet
 
 RIG: Final = "virtual_cwru"
 SHORTEST: Final = 4
 """A recording at hand in stretches shorter than so many pieces is no background for the twin."""
-Array = NDArray[np.float64]
 WINDOW: Final = 1024
 """Samples of a short window: as long as a piece of CWRU's 98.mat at hand, 85 ms at 12 kHz."""
 RATE_HZ: Final = {"cwru": 12_000.0, "hit_sm": 12_800.0, "virtual_cwru": 12_000.0}
@@ -82,11 +80,7 @@ class Measured:
 
 def load(name: str, root: Path | None, rig_duration_s: float = 4.0) -> RecordSet:
     """The data set, at the rate at which it is judged."""
-    from twingap import data
-
-    if name == "virtual_cwru":
-        return data.load(name, duration_s=rig_duration_s)
-    return data.load(name, root, fs_hz=RATE_HZ[name])
+    return data.load(name, duration_s=rig_duration_s) if name == RIG else data.load(name, root, fs_hz=RATE_HZ[name])
 
 
 def measure(records: RecordSet, name: str, options: ImageOptions) -> Measured:
@@ -95,13 +89,11 @@ def measure(records: RecordSet, name: str, options: ImageOptions) -> Measured:
     A recording that is only at hand in short windows (98.mat of CWRU) becomes pieces of as many windows as make the
     length of a piece; each window's spectrum has less resolution, and their powers are averaged.
     """
-    classes = CLASSES[name]
-    lines, power, features, recording, windows, window_recording = ([] for _ in range(6))
+    classes, bearing, parts = CLASSES[name], records.bearing or BEARINGS["6205"], []
     labels: dict[str, int] = {}
     bearings: dict[str, str] = {}
     sizes: dict[str, float] = {}
     speeds: dict[str, float] = {}
-    bearing = records.bearing or BEARINGS["6205"]
     for group in records.groups:
         places = [i for i, c in enumerate(records.conditions) if c.group == group]
         first = records.conditions[places[0]]
@@ -127,17 +119,14 @@ def measure(records: RecordSet, name: str, options: ImageOptions) -> Measured:
                 raw.power.reshape(count, per, -1).mean(axis=1),
             )
             short = np.split(every[:, :WINDOW], count)
-        lines.append(found.lines)
-        power.append(found.power)
         own = np.stack([window_features(s).mean(axis=0) for s in short])
-        features.append(np.concatenate((own, line_features(found, bearing, options)), axis=-1))
-        recording += [group] * len(found)
-        windows.append(window_features(np.concatenate(short), np.median))
-        window_recording += [group] * len(windows[-1])
+        features = np.concatenate((own, line_features(found, bearing, options)), axis=-1)
+        parts.append((found.lines, found.power, features, window_features(np.concatenate(short), np.median)))
+    lines, power, features, windows = (np.concatenate(part) for part in zip(*parts, strict=True))
+    recording, window_recording = (np.repeat(list(labels), [len(part[i]) for part in parts]) for i in (0, 3))
     return Measured(
-        name, bearing, classes, Modulation(np.concatenate(lines), np.concatenate(power)), np.concatenate(features),
-        np.array(recording), np.concatenate(windows), np.array(window_recording), labels, bearings, sizes, speeds,
-        records.conditions[0].fs_hz,
+        name, bearing, classes, Modulation(lines, power), features, recording, windows, window_recording, labels,
+        bearings, sizes, speeds, records.conditions[0].fs_hz,
     )  # fmt: skip
 
 
@@ -164,3 +153,71 @@ def backgrounds(records: RecordSet, data: Measured, image: ImageOptions) -> dict
         if c.group in data.healthy() and c.n_samples >= least:
             found[str(c.group)] = Background(records[place].samples, c.speed_rpm)
     return found
+
+
+Split = Literal["recording", "bearing"]
+SPLITS: Final[tuple[Split, ...]] = ("recording", "bearing")
+ALL: Final = -1
+"""All labelled records that there are."""
+
+
+def judged(data: Measured, split: Split, fold: int, folds: int, seed: int) -> tuple[str, ...]:
+    """Recordings of one fold.
+
+    Healthy recordings are dealt in their order, whatever the split: there is one healthy bearing, and what learnt from
+    one of its recordings cannot be kept from all of it. Recordings of a fault are shuffled by the seed ("recording") or
+    kept with those of their bearing, one size a fold ("bearing"), so that every seed judges the same.
+    """
+    rng = np.random.default_rng([seed, 21])
+    healthy = data.healthy()
+    chosen = [str(r) for r in np.array_split(np.array(healthy), folds)[fold]]
+    for label in sorted(set(data.labels.values())):
+        own = [r for r, c in data.labels.items() if c == label and r not in healthy]
+        if not own:
+            continue
+        if split == "recording":
+            order = rng.permutation(len(own))
+            chosen += [own[i] for i in np.array_split(order, folds)[fold]]
+        else:
+            names = sorted(
+                {data.bearings[r] for r in own}, key=lambda b: min(data.sizes[r] for r in own if data.bearings[r] == b)
+            )
+            kept = {str(b) for b in np.array_split(np.array(names), folds)[fold]}
+            chosen += [r for r in own if data.bearings[r] in kept]
+    return tuple(r for r in data.recordings if r in set(chosen))
+
+
+def labelled(
+    data: Measured, learn: Sequence[str], count: int, rng: np.random.Generator, *, all_healthy: bool
+) -> NDArray[np.int64]:
+    """Places of the labelled pieces: `count` of each fault, and healthy ones.
+
+    The first of each recording in turn (in random order), then the second of each, so that `count` records come from
+    as many recordings as there are.
+
+    Parameters
+    ----------
+    learn : sequence of str
+        Recordings that may be learnt from.
+    count : int
+        `ALL` for all.
+    all_healthy : bool
+        Healthy records are not scarce: all of them; or as many as of a fault, since more drown the few.
+    """
+    chosen: list[int] = []
+    healthy = data.healthy()
+    for label in sorted(set(data.labels.values())):
+        own = [r for r in learn if data.labels[r] == label]
+        piles = [list(rng.permutation(data.pieces([own[i]]))) for i in rng.permutation(len(own))]
+        longest = max((len(pile) for pile in piles), default=0)
+        dealt = [int(pile[turn]) for turn in range(longest) for pile in piles if turn < len(pile)]
+        free = all_healthy and own[:1] and own[0] in healthy
+        chosen += dealt if count == ALL or free else dealt[:count]
+    return np.array(sorted(chosen), dtype=np.int64)
+
+
+def counts_of(data: Measured, places: NDArray[np.int64]) -> int:
+    """Labelled records of the fault that has fewest among some pieces."""
+    labels = data.piece_labels()[places]
+    healthy = {data.labels[r] for r in data.healthy()}
+    return min(int((labels == c).sum()) for c in set(data.labels.values()) - healthy)

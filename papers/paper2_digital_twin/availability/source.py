@@ -14,19 +14,20 @@ model lacks (kind "bare", one mode, periodic strikes, white noise, shows what th
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from typing import Any, Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from papers.arrays import Array
 from papers.paper2_digital_twin.methods.scalograms import ImageOptions, Modulation, images, modulation, pieces_of
-from twingap.bearing import Bearing
+from twingap import Bearing, Condition
 from twingap.effects import Effect, make_effect
-from twingap.records import Condition
 from twingap.twins.phenomenological import PhenomenologicalParameters, PhenomenologicalTwin
 
-Array = NDArray[np.float64]
+Image = NDArray[np.float32]
 Rng = np.random.Generator
 Kind = Literal["grafted", "effects", "bare"]
 BASELINE_PIECES: Final = 3
@@ -98,54 +99,50 @@ class _Machine:
 
 
 def simulate(plant: Plant, healthy: dict[str, Background]) -> dict[str, Any]:
-    """Images of a population.
+    """Images of a population, a record of each class for each machine, on healthy recordings by name.
 
-    Parameters
-    ----------
-    healthy : dict[str, Background]
-        Healthy recordings by name; those of `plant.backgrounds` are used.
-
-    Returns
-    -------
-    dict
-        ``images`` float32 [images, 3, carriers, orders], ``labels`` [images], ``machine`` [images]: a machine has one
-        record of each class.
+    ``images`` float32 [images, 3, carriers, orders], ``labels`` [images], ``machine`` [images].
     """
-    made, labels, machine = [], [], []
+    made: list[Image] = []
+    about: list[tuple[int, int]] = []
     for number in range(plant.machines):
         rng = np.random.default_rng([plant.seed, number])
         own = _machine(plant, rng)
         under = None
         if plant.kind == "grafted":
             under = healthy[str(rng.choice(plant.backgrounds))]
-            own = _Machine(under.speed_rpm, own.modes, own.background, own.structure)
+            own = replace(own, speed_rpm=under.speed_rpm)
         power = _measured(plant, own, _background(plant, own, under, BASELINE_PIECES, rng)).power.mean(axis=0)
         for place, fault in enumerate(plant.classes):
             found = _record(plant, own, under, fault, rng)
-            for size in plant.options.pooled:
-                chosen = rng.permutation(len(found))[:size]
-                part = Modulation(found.lines[chosen], found.power[chosen]).pooled()
-                made.append(images(part, power, plant.image)[0])
-                labels.append(place)
-                machine.append(number)
-    return {"images": np.stack(made), "labels": np.array(labels), "machine": np.array(machine)}
+            made += pooled_images(found, plant.options.pooled, power, plant.image, rng)
+            about += [(place, number)] * len(plant.options.pooled)
+    labels, machine = np.array(about).T
+    return {"images": np.stack(made), "labels": labels, "machine": machine}
+
+
+def pooled_images(
+    found: Modulation, sizes: tuple[int, ...], power: Array, image: ImageOptions, rng: Rng
+) -> Iterator[Image]:
+    """An image of so many pieces of a record, drawn by lot, for each number of them."""
+    for size in sizes:
+        chosen = rng.permutation(len(found))[:size]
+        part = Modulation(found.lines[chosen], found.power[chosen]).pooled()
+        yield images(part, power, image)[0]
 
 
 def _machine(plant: Plant, rng: Rng) -> _Machine:
-    own = plant.options
+    own, fs_hz = plant.options, plant.fs_hz
     modes = tuple(
-        (_log(own.resonance, rng) * plant.fs_hz, _log(own.damping, rng), 10 ** (_uniform(own.gain_db, rng) / 20))
+        (_log(own.resonance, rng) * fs_hz, _log(own.damping, rng), 10 ** (_uniform(own.gain_db, rng) / 20))
         for _ in range(2 * TWINS)
     )
     background: dict[str, dict[str, Any]] = {
         "shaft_harmonics": {f"level_{n}x": _log(own.tone_level, rng) for n in (1, 2, 3)},
         "mains_interference": {"level": _log(own.tone_level, rng), "mains_hz": float(rng.choice([50.0, 60.0]))},
-        "drive_interference": {
-            "level": _log(own.tone_level, rng),
-            "carrier_hz": _log(own.resonance, rng) * plant.fs_hz,
-        },
-        "coloured_noise": {"level": _log(own.tone_level, rng), "low_hz": 20.0, "high_hz": 0.45 * plant.fs_hz},
-        "sensor_rolloff": {"corner_hz": float(rng.uniform(0.25, 0.9)) * plant.fs_hz, "order": int(rng.integers(1, 4))},
+        "drive_interference": {"level": _log(own.tone_level, rng), "carrier_hz": _log(own.resonance, rng) * fs_hz},
+        "coloured_noise": {"level": _log(own.tone_level, rng), "low_hz": 20.0, "high_hz": 0.45 * fs_hz},
+        "sensor_rolloff": {"corner_hz": float(rng.uniform(0.25, 0.9)) * fs_hz, "order": int(rng.integers(1, 4))},
     }
     return _Machine(float(rng.choice(plant.speeds_rpm)), modes, background, float(rng.uniform(0.2, 0.95)))
 
@@ -169,7 +166,7 @@ def _record(plant: Plant, own: _Machine, under: Background | None, fault: str, r
     """One record of a class, measured."""
     options, rich = plant.options, plant.kind != "bare"
     speed = own.speed_rpm * (1 + (options.speed_spread * rng.uniform(-1, 1) if under is None else 0.0))
-    own = _Machine(speed, own.modes, own.background, own.structure)
+    own = replace(own, speed_rpm=speed)
     base = _background(plant, own, under, options.pooled[-1], rng)
     x = base * 10 ** (options.remount_db * rng.standard_normal() / 20 if rich else 0.0)
     rms = float(base.std())

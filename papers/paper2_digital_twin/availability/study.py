@@ -1,13 +1,13 @@
 """Declaration of the availability study."""
 
-from papers.framework import STYLE_LARGE, Step, Study
+from papers.framework import Step, Study
 from papers.paper2_digital_twin.availability import figures, jobs, tables
 
 STUDY = Study(
     name="availability",
     title="diagnosis by how much labelled data there is",
     options=jobs.Options,
-    check=jobs.check_options,
+    check=jobs.check,
     steps=(
         Step("records", jobs.load_sets),
         Step("data", jobs.measured),
@@ -21,6 +21,6 @@ STUDY = Study(
     ),
     tables=tables.all_tables,
     figures=figures.all_figures,
-    style=STYLE_LARGE,
+    letters=(14, 13),
     headlines=("availability-accuracy", "availability-crossings", "availability-choice"),
 )

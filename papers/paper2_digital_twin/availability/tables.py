@@ -5,15 +5,15 @@ jobs --> calls of every recording by seed --> accuracy, crossing points;  alarms
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator
 from typing import Any, Final
 
 import numpy as np
 import pandas as pd
 
-from papers.framework import Work
-from papers.paper2_digital_twin.availability.records import TITLES, Measured
-from papers.paper2_digital_twin.availability.split import ALL, SPLITS
+from papers.framework import Rows, Work, as_table
+from papers.paper2_digital_twin.availability.records import ALL, SPLITS, TITLES, Measured
 from papers.paper2_digital_twin.methods.choose import Thresholds, choose
 from twingap.adapt.evaluate import t_interval
 
@@ -69,33 +69,31 @@ def by_seed(called: pd.DataFrame) -> pd.DataFrame:
     return found.assign(balanced=by_class.groupby(keys).mean()).reset_index()
 
 
-def accuracy(called: pd.DataFrame) -> pd.DataFrame:
+@as_table
+def accuracy(called: pd.DataFrame) -> Rows:
     """Mean over seeds, by recording judged; `labels` is how many records of the scarcest fault there were indeed."""
-    rows = []
-    for (data, split, method, records), part in by_seed(called).groupby(
-        ["data", "split", "method", "records"], sort=False
-    ):
+    keys = ["data", "split", "method", "records"]
+    for (data, split, method, records), part in by_seed(called).groupby(keys, sort=False):
         low, high = t_interval(list(part["accuracy"]), LEVEL)
-        rows.append({
+        yield {
             "data": TITLES[str(data)], "split by": split, "method": method,
             "records a fault": "all" if records == ALL else str(records), "at hand": part["labels"].min(),
             "recordings": part["recordings"].max(), "seeds": len(part), "accuracy": part["accuracy"].mean(),
             "std": part["accuracy"].std(), "low": max(low, 0.0), "high": min(high, 1.0),
             "balanced accuracy": part["balanced"].mean(),
-        })  # fmt: skip
-    return pd.DataFrame(rows)
+        }  # fmt: skip
 
 
-def crossings(work: Work, called: pd.DataFrame) -> pd.DataFrame:
+@as_table
+def crossings(work: Work, called: pd.DataFrame) -> Rows:
     """From how many records on one method is at least as good as another, and whether that is more than luck.
 
     ``at least as good from``: smallest number from which on the mean over seeds is never lower; empty if it is lower
     with all records. ``better from``: the same with the 95 % interval of the paired difference above 0.
     """
-    rows = []
     found = by_seed(called)
-    for data, split, first, second in _pairs(work):
-        here = found[(found["data"] == data) & (found["split"] == split)]
+    for (data, split, about), (first, second) in itertools.product(_parts(work), AHEAD):
+        here = found[(found["data"] == data.name) & (found["split"] == split)]
         wide = {
             m: here[here["method"] == m].pivot(index="seed", columns="records", values="accuracy")
             for m in (first, second)
@@ -104,29 +102,27 @@ def crossings(work: Work, called: pd.DataFrame) -> pd.DataFrame:
         gains = {c: (wide[first][c] - wide[second][c]).dropna().to_numpy(dtype=float) for c in steps}
         good = [c for i, c in enumerate(steps) if all(gains[later].mean() >= -1e-12 for later in steps[i:])]
         sure = [c for i, c in enumerate(steps) if all(_above(gains[later]) for later in steps[i:])]
-        rows.append({
-            "data": TITLES[data], "split by": split, "method": first, "against": second,
+        yield {
+            **about, "method": first, "against": second,
             "at least as good from": _named(good), "better from": _named(sure),
             **{f"gain at {_named([c])}, points": 100 * gains[c].mean() for c in steps},
-        })  # fmt: skip
-    return pd.DataFrame(rows)
+        }  # fmt: skip
 
 
-def choices(work: Work, crossed: pd.DataFrame) -> pd.DataFrame:
+@as_table
+def choices(work: Work, crossed: pd.DataFrame) -> Rows:
     """What `choose` says at each number of labels, with the thresholds measured here (better by more than luck)."""
-    rows = []
     for name, data in work["data"].items():
         windows = max(a.value["healthy windows"] for a in work["alarms"] if a.job.data == name and not a.job.without)
         for split in SPLITS:
             limits = Thresholds(1, *(_sure_from(crossed, data, split, method) for method in METHODS[1:]))
             for count in (0, *work.options.counts, MANY):
                 made = choose(count, windows, false_alarm=work.options.false_alarm, thresholds=limits)
-                rows.append({
+                yield {
                     "data": TITLES[name], "labels of": "any recording" if split == SPLITS[0] else "other bearings",
                     "records a fault": "all" if count == MANY else str(count), "chosen": made.approach,
                     "alarm": made.alarm, "why": made.why.replace(str(MANY), "all"),
-                })  # fmt: skip
-    return pd.DataFrame(rows)
+                }  # fmt: skip
 
 
 def _sure_from(crossed: pd.DataFrame, data: Measured, split: str, method: str) -> int | None:
@@ -136,74 +132,67 @@ def _sure_from(crossed: pd.DataFrame, data: Measured, split: str, method: str) -
     return None if found == "" else MANY if found == "all" else int(found)
 
 
-def head(work: Work) -> pd.DataFrame:
+@as_table
+def head(work: Work) -> Rows:
     """What labelled records change and what the network is still good for: the head with it and without."""
-    rows = []
-    for name, data in work["data"].items():
-        for split in SPLITS:
-            nets = [n.value[split]["rows"] for n in work["networks"] if n.job.data == name and n.job.kind == "grafted"]
-            for count in (*work.options.counts, ALL):
-                own = [rows_of[str(count)] for rows_of in nets]
-                rows.append({
-                    "data": TITLES[name], "split by": split, "records a fault": "all" if count == ALL else str(count),
-                    "network and head": _mean_right(data, [r["calls"] for r in own]),
-                    "head alone": _mean_right(data, [r["without network"] for r in own]),
-                    "network alone": _mean_right(data, [rows_of["0"]["calls"] for rows_of in nets]),
-                })  # fmt: skip
-    return pd.DataFrame(rows)
+    for data, split, about in _parts(work):
+        nets = [value[split]["rows"] for value in _nets(work, data)]
+        for count in (*work.options.counts, ALL):
+            own = [rows_of[str(count)] for rows_of in nets]
+            yield {
+                **about, "records a fault": _named([count]),
+                "network and head": _right(data, [r["calls"] for r in own]),
+                "head alone": _right(data, [r["without network"] for r in own]),
+                "network alone": _right(data, [rows_of["0"]["calls"] for rows_of in nets]),
+            }  # fmt: skip
 
 
-def selection(work: Work) -> pd.DataFrame:
+@as_table
+def selection(work: Work) -> Rows:
     """The network without a label: what other label-free criteria would have chosen, and the oracle."""
-    rows = []
-    for name, data in work["data"].items():
-        for split in SPLITS:
-            nets = [n.value[split] for n in work["networks"] if n.job.data == name and n.job.kind == "grafted"]
-            rows.append({
-                "data": TITLES[name], "split by": split, "chosen by": work.options.criterion,
-                **{c: _mean_right(data, [n["by criterion"][c] for n in nets]) for c in nets[0]["by criterion"]},
-                "last checkpoint": _mean_right(data, [n["checkpoints"][-1] for n in nets]),
-                "oracle": _mean_right(data, [max(n["checkpoints"], key=lambda c: _right(data, c)) for n in nets]),
-            })  # fmt: skip
-    return pd.DataFrame(rows)
+    for data, split, about in _parts(work):
+        nets = [value[split] for value in _nets(work, data)]
+        best = [max(n["checkpoints"], key=lambda called: _right(data, [called])) for n in nets]
+        yield {
+            **about, "chosen by": work.options.criterion,
+            **{c: _right(data, [n["by criterion"][c] for n in nets]) for c in nets[0]["by criterion"]},
+            "last checkpoint": _right(data, [n["checkpoints"][-1] for n in nets]), "oracle": _right(data, best),
+        }  # fmt: skip
 
 
-def sources(work: Work) -> pd.DataFrame:
+@as_table
+def sources(work: Work) -> Rows:
     """What the named effects and the measured background are worth: the network without a label, by its source."""
-    rows = []
     for name, data in work["data"].items():
         for kind in dict.fromkeys(n.job.kind for n in work["networks"]):
-            nets = [n for n in work["networks"] if n.job.data == name and n.job.kind == kind]
-            each = [n.value[SPLITS[0]]["rows"]["0"]["calls"] for n in nets]
-            score = [max(n.value[SPLITS[0]]["scores"]["source_accuracy"]) for n in nets]
-            info = [max(n.value[SPLITS[0]]["scores"]["infomax"]) for n in nets]
-            rows.append({
-                "data": TITLES[name], "source": kind, "seeds": len({n.job.seed for n in nets}),
-                "accuracy": _mean_right(data, each), "on its own machines held out": np.mean(score),
-                "infomax": np.mean(info),
-            })  # fmt: skip
-    return pd.DataFrame(rows)
+            seeds = {n.job.seed for n in work["networks"] if (n.job.data, n.job.kind) == (name, kind)}
+            nets = [value[SPLITS[0]] for value in _nets(work, data, kind)]
+            yield {
+                "data": TITLES[name], "source": kind, "seeds": len(seeds),
+                "accuracy": _right(data, [n["rows"]["0"]["calls"] for n in nets]),
+                "on its own machines held out": np.mean([max(n["scores"]["source_accuracy"]) for n in nets]),
+                "infomax": np.mean([max(n["scores"]["infomax"]) for n in nets]),
+            }  # fmt: skip
 
 
-def recordings(work: Work, called: pd.DataFrame) -> pd.DataFrame:
+@as_table
+def recordings(work: Work, called: pd.DataFrame) -> Rows:
     """Every recording: what the network without a label calls it, in how many of the seeds it is right."""
-    rows = []
     zero = called[(called["records"] == 0) & (called["split"] == SPLITS[0])]
     for (name, recording), part in zero.groupby(["data", "recording"], sort=False):
         data = work["data"][str(name)]
         names = [data.classes[c] for c in part["called"]]
-        rows.append({
+        yield {
             "data": TITLES[data.name], "recording": recording, "bearing": data.bearings[str(recording)],
             "speed, rpm": data.speeds_rpm[str(recording)], "class": data.classes[data.labels[str(recording)]],
             "seeds": len(part), "right": int((part["called"] == part["class"]).sum()),
             "called": max(set(names), key=names.count),
-        })  # fmt: skip
-    return pd.DataFrame(rows)
+        }  # fmt: skip
 
 
-def alarms(work: Work) -> pd.DataFrame:
+@as_table
+def alarms(work: Work) -> Rows:
     """Detection by recording; healthy recordings are judged by maps that did not see them."""
-    rows = []
     for name, data in work["data"].items():
         healthy = set(data.healthy())
         mine = [a for a in work["alarms"] if a.job.data == name]
@@ -214,7 +203,7 @@ def alarms(work: Work) -> pd.DataFrame:
             shares = [v["recordings"][without]["share"] for v in here] if without else [
                 np.mean(list(v["held out"].values())) for v in here
             ]  # fmt: skip
-            rows.append({
+            yield {
                 "data": TITLES[name], "healthy kept out": without or "none",
                 "healthy windows": here[0]["healthy windows"],
                 "seeds": len(here), "threshold, MQE": np.mean([v["threshold"] for v in here]),
@@ -226,8 +215,7 @@ def alarms(work: Work) -> pd.DataFrame:
                 ),
                 "alarms in healthy windows not seen": np.mean(shares),
                 "healthy recording alarms": np.mean(rings),
-            })  # fmt: skip
-    return pd.DataFrame(rows)
+            }  # fmt: skip
 
 
 def judging(work: Work, data: Measured, recording: str) -> list[dict[str, Any]]:
@@ -259,20 +247,19 @@ def severity(work: Work) -> pd.DataFrame:
     return pd.DataFrame(rows).sort_values(["data", "class", "size", "recording"], ignore_index=True)
 
 
-def size(work: Work) -> pd.DataFrame:
+@as_table
+def size(work: Work) -> Rows:
     """Does MQE rise with the size of a defect? By fault and place in the order of speeds, and where it does not."""
     table = severity(work)
-    rows = []
     for (data, fault), part in table[table["class"] != "healthy"].groupby(["data", "class"], sort=False):
         means = part.groupby("size")["MQE"].mean()
         sizes, values = list(means.index), list(means)
         falls = [f"{a:g} to {b:g}" for a, b, x, y in zip(sizes, sizes[1:], values, values[1:], strict=False) if y <= x]
-        rows.append({
+        yield {
             "data": data, "class": fault, "sizes": " < ".join(f"{s:g}" for s in sizes),
             "MQE": ", ".join(f"{v:.1f}" for v in values), "rises": not falls,
             "falls from": "; ".join(falls) or "nowhere",
-        })  # fmt: skip
-    return pd.DataFrame(rows)
+        }  # fmt: skip
 
 
 def checks(work: Work) -> pd.DataFrame:
@@ -289,11 +276,15 @@ def checks(work: Work) -> pd.DataFrame:
     }])  # fmt: skip
 
 
-def _pairs(work: Work) -> Iterator[tuple[str, str, str, str]]:
-    for data in work["data"]:
+def _parts(work: Work) -> Iterator[tuple[Measured, str, dict[str, str]]]:
+    """Every set and split, and the columns that name them."""
+    for name, data in work["data"].items():
         for split in SPLITS:
-            for first, second in AHEAD:
-                yield data, split, first, second
+            yield data, split, {"data": TITLES[name], "split by": split}
+
+
+def _nets(work: Work, data: Measured, kind: str = "grafted") -> list[dict[str, Any]]:
+    return [n.value for n in work["networks"] if (n.job.data, n.job.kind) == (data.name, kind)]
 
 
 def _named(counts: list[int]) -> str:
@@ -306,10 +297,6 @@ def _above(gain: Any) -> bool:
     return t_interval(list(gain), LEVEL)[0] > 0
 
 
-def _right(data: Measured, called: dict[str, int]) -> float:
-    return float(np.mean([data.labels[r] == c for r, c in called.items()]))
-
-
-def _mean_right(data: Measured, each: list[dict[str, int]]) -> float:
+def _right(data: Measured, each: list[dict[str, int]]) -> float:
     """Share of all recordings judged, over folds and seeds."""
     return float(np.mean([data.labels[r] == c for called in each for r, c in called.items()]))

@@ -1,8 +1,6 @@
 """Health indicators of every run: candidates, their criteria, and the choice that other runs make for it.
 
 runs to failure --> features --> candidates (healthy start) --> criteria --> chosen on other runs; fusion feature 9
-
-Used in: Paper 2, section 4.
 """
 
 from __future__ import annotations
@@ -13,19 +11,12 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from papers.arrays import Array
 from papers.paper2_digital_twin.degradation.runs import StudyRun
-from twingap.prognosis.health_indicator import (
-    Indicators,
-    chosen,
-    evaluate_candidates,
-    offline_indicators,
-    online_indicators,
-)
+from twingap.prognosis import health_indicator as health
 from twingap.prognosis.indicator_criteria import IndicatorCriteria
 
-Array = NDArray[np.float64]
 NINE: Final = "fusion 9"
 OFFLINE: Final = "fusion 9, whole run"
 """The paper's reading: normalised and fused with the whole run known, so each value depends on later records."""
@@ -43,7 +34,7 @@ class Judged:
     """A run with its candidates."""
 
     run: StudyRun
-    online: Indicators
+    online: health.Indicators
     criteria: dict[str, IndicatorCriteria]  # of the online candidates
     choice: str | None  # candidate of highest suitability on other runs; None where there are no others
     series: dict[str, Array]  # the indicators that curves are fitted to, by name
@@ -53,29 +44,28 @@ class Judged:
 def judge_all(runs: Sequence[StudyRun], indicators: Sequence[str] = INDICATORS) -> list[Judged]:
     """Candidates and criteria of every run, the choice that the others of its family make for it, and those of the
     indicators that it has."""
-    online = [online_indicators(r.run, r.healthy_rows) for r in runs]
+    online = [health.online_indicators(r.run, r.healthy_rows) for r in runs]
     criteria = [
-        evaluate_candidates(i, r.run.time_s, healthy_rows=r.healthy_rows, window=r.trend_rows)
+        health.evaluate_candidates(i, r.run.time_s, healthy_rows=r.healthy_rows, window=r.trend_rows)
         for r, i in zip(runs, online, strict=True)
     ]
     found = []
     for k, (r, made) in enumerate(zip(runs, online, strict=True)):
         others = [c for n, c in enumerate(criteria) if n != k and runs[n].family == r.family]
-        choice = chosen(others) if others else None
+        choice = health.chosen(others) if others else None
         if choice is not None and choice not in made.values:  # test 3 of IMS has fewer features
-            shared = [{name: c[name] for name in c if name in made.values} for c in others]
-            choice = chosen(shared)
+            choice = health.chosen([{name: c[name] for name in c if name in made.values} for c in others])
         series, times = {"rms": made.values["rms"]}, {"rms": r.run.time_s}
         if choice is not None:
             series[CHOSEN] = made.values[choice]
         if NINE in made.values:
             series[NINE] = made.values[NINE]
-        offline = offline_indicators(r.run).values
+        offline = health.offline_indicators(r.run).values
         if NINE in offline:
             series[OFFLINE] = offline[NINE]
         times |= dict.fromkeys(series, r.run.time_s)
         if r.whole.time_s.size > r.run.time_s.size:
-            kept = offline_indicators(r.whole).values
+            kept = health.offline_indicators(r.whole).values
             if NINE in kept:
                 series[KEPT], times[KEPT] = kept[NINE], r.whole.time_s
         series = {name: x for name, x in series.items() if name in indicators}

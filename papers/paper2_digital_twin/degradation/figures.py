@@ -9,21 +9,19 @@ Colours that colour-blind readers tell apart (Okabe and Ito 2008).
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
+from papers.figures import grid, subplots
 from papers.framework import Work
 from papers.paper2_digital_twin.degradation.candidates import Judged
 from papers.paper2_digital_twin.degradation.tables import COMBINED, EXPONENTIALS, shown
+from twingap.prognosis import MODELS, offline_indicators
 from twingap.prognosis.degradation_figure import LINES
-from twingap.prognosis.degradation_models import MODELS
-from twingap.prognosis.health_indicator import offline_indicators
 from twingap.prognosis.indicator_criteria import causal_trend
 
-Array = NDArray[np.float64]
 RECORDS, TREND, MARK = "#AAAAAA", "#0072B2", "#D55E00"
 SHOWN_MODELS: Final = ("exponential with offset", "combined power 3", "combined power 5", "polynomial 3", "constant")
 LEAST, MOST = 1e-3, 1e3
@@ -49,13 +47,10 @@ def waveform(j: Judged) -> Figure:
     """Least and greatest sample of each record along the run."""
     assert j.run.extremes is not None
     hours = j.run.whole.time_s / 3600
-    figure = Figure(figsize=(10, 4.4), layout="constrained")
-    panel = figure.subplots()
+    figure, panel = subplots((10, 4.4))
     panel.fill_between(hours, j.run.extremes[:, 0], j.run.extremes[:, 1], color=TREND, lw=0.3, step="mid")
-    panel.set_xlabel("running time (h)")
-    panel.set_ylabel(f"acceleration ({'unit not stated' if j.run.family == 'IMS' else 'g'})")
-    panel.set_xlim(hours[0], hours[-1])
-    panel.set_title(f"{j.run.name}: least and greatest sample of each record")
+    panel.set(xlabel="running time (h)", ylabel=f"acceleration ({'unit not stated' if j.run.family == 'IMS' else 'g'})")
+    panel.set(xlim=(hours[0], hours[-1]), title=f"{j.run.name}: least and greatest sample of each record")
     return figure
 
 
@@ -65,17 +60,15 @@ def spectral_kurtosis_map(j: Judged) -> Figure:
 
     assert j.run.kurtosis_map is not None
     time_s, frequency_hz, values = j.run.kurtosis_map
-    figure = Figure(figsize=(10, 4.8), layout="constrained")
-    panel = figure.subplots()
+    figure, panel = subplots((10, 4.8))
     image = panel.pcolormesh(
         time_s / 3600, frequency_hz / 1e3, values.T, cmap="cividis", shading="nearest", rasterized=True,
         norm=SymLogNorm(1.0, vmin=-0.5, vmax=max(float(np.quantile(values, 0.999)), 1.0)),
     )  # fmt: skip
     bar = figure.colorbar(image, ax=panel, label="spectral kurtosis", ticks=[-0.5, 0, 0.5, 1, 2, 5, 10, 20, 50])
     bar.ax.set_yticklabels([f"{tick:g}" for tick in bar.get_ticks()])
-    panel.set_xlabel("running time (h)")
-    panel.set_ylabel("frequency (kHz)")
-    panel.set_title(f"{j.run.name}: spectral kurtosis, Gaussian noise is 0")
+    title = f"{j.run.name}: spectral kurtosis, Gaussian noise is 0"
+    panel.set(xlabel="running time (h)", ylabel="frequency (kHz)", title=title)
     return figure
 
 
@@ -84,19 +77,14 @@ def fusion_features(j: Judged) -> Figure:
     made = offline_indicators(j.run.run)
     fused = {name: x for name, x in made.values.items() if name.startswith("fusion ")}
     share = made.fusion.variance / made.fusion.variance.sum()
-    columns = 5
-    rows = -(-len(fused) // columns)
-    figure = Figure(figsize=(3.4 * columns, 2.5 * rows + 0.8), layout="constrained")
-    panels = figure.subplots(rows, columns, squeeze=False, sharex=True).ravel()
+    figure, panels = grid(len(fused), 5, (3.4, 2.5), (0.0, 0.8), sharex=True)
     hours = j.run.run.time_s / 3600
-    for panel, (name, x), part in zip(panels, fused.items(), share, strict=False):
+    for panel, (name, x), part in zip(panels.flat, fused.items(), share, strict=False):
         panel.plot(hours, x, ".", ms=2, color=RECORDS)
         panel.plot(hours, causal_trend(x, j.run.trend_rows), color=MARK if name == "fusion 9" else TREND, lw=1.5)
         panel.set_title(f"{name}: {100 * part:.2g} %")
-    for panel in panels[max(len(fused) - columns, 0) : len(fused)]:
+    for panel in panels.flat[max(len(fused) - 5, 0) : len(fused)]:
         panel.set_xlabel("running time (h)")
-    for panel in panels[len(fused) :]:
-        panel.set_visible(False)
     figure.suptitle(f"{j.run.name} ({j.run.source}): normalised by the whole run; share of variance in percent")
     return figure
 
@@ -105,36 +93,29 @@ def fusion_scatter(j: Judged) -> Figure:
     """Fusion feature 9 against those after it; colour is time."""
     made = offline_indicators(j.run.run).values
     others = [f"fusion {k}" for k in range(10, 16) if f"fusion {k}" in made]
-    figure = Figure(figsize=(13, 7.6), layout="constrained")
-    panels = figure.subplots(2, 3, squeeze=False).ravel()
+    figure, panels = grid(len(others), 3, (13 / 3, 3.8), (0.0, 0.0))
     hours = j.run.run.time_s / 3600
-    points = None
-    for panel, name in zip(panels, others, strict=False):
+    for panel, name in zip(panels.flat, others, strict=False):
         points = panel.scatter(made[name], made["fusion 9"], c=hours, s=6, cmap="cividis", rasterized=True)
-        panel.set_xlabel(name)
-        panel.set_ylabel("fusion 9")
-    for panel in panels[len(others) :]:
-        panel.set_visible(False)
-    if points is not None:
-        figure.colorbar(points, ax=list(panels), label="running time (h)")
+        panel.set(xlabel=name, ylabel="fusion 9")
+    if others:
+        figure.colorbar(points, ax=panels, label="running time (h)")
     figure.suptitle(f"{j.run.name} ({j.run.source}): whole run, ordered by variance")
     return figure
 
 
 def indicators(j: Judged) -> Figure:
     """Every indicator that curves were fitted to."""
-    figure = Figure(figsize=(11, 2.5 * len(j.series) + 0.6), layout="constrained")
-    panels = figure.subplots(len(j.series), 1, squeeze=False, sharex=True).ravel()
-    for panel, (name, x) in zip(panels, j.series.items(), strict=True):
+    figure, panels = grid(len(j.series), 1, (11, 2.5), (0.0, 0.6), sharex=True)
+    for panel, (name, x) in zip(panels.flat, j.series.items(), strict=True):
         hours = j.times[name] / 3600
         panel.plot(hours, x, ".", ms=2.5, color=RECORDS, label="record")
         panel.plot(hours, causal_trend(x, j.run.trend_rows), color=TREND, lw=1.8, label="causal moving average")
         panel.axvspan(0, hours[j.run.healthy_rows], color="#009E73", alpha=0.12, lw=0, label="taken to be healthy")
         shown = f"{name}: {j.choice}" if name == "chosen on other runs" else name
-        panel.set_title(shown + ("" if "whole run" in name else " (learnt from the healthy start)"))
-        panel.set_ylabel("indicator")
-    panels[-1].set_xlabel("running time (h)")
-    figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=3)
+        panel.set(title=shown + ("" if "whole run" in name else " (learnt from the healthy start)"), ylabel="indicator")
+    panels[-1, 0].set_xlabel("running time (h)")
+    figure.legend(*panels[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=3)
     figure.suptitle(f"{j.run.name} ({j.run.source})")
     return figure
 
@@ -142,21 +123,21 @@ def indicators(j: Judged) -> Figure:
 def fitted(work: Work, models: tuple[str, ...]) -> Figure:
     """Two models on every indicator of the paper's run, R2 in the legend."""
     j = shown(work)
-    count = len(j.series)
-    figure = Figure(figsize=(11, 2.7 * count + 0.6), layout="constrained")
-    panels = figure.subplots(count, 1, squeeze=False, sharex=True).ravel()
-    for panel, (name, x) in zip(panels, j.series.items(), strict=True):
+    figure, panels = grid(len(j.series), 1, (11, 2.7), (0.0, 0.6), sharex=True)
+    for panel, (name, x) in zip(panels.flat, j.series.items(), strict=True):
         t = j.times[name]
-        found = _analysis(work, j.run.name, name)
+        u = (t - t[0]) / (t[-1] - t[0])
+        (found,) = (r.value for r in work["analyses"] if (r.job.run, r.job.indicator) == (j.run.name, name))
         panel.plot(t / 3600, x, ".", ms=2.5, color=RECORDS)
         for model in models:
             colour, style = LINES[model]
-            label = f"{model}, $R^2$ = {found[model]['r2']:.2f}"
-            panel.plot(t / 3600, _curve(model, found[model], t), style, color=colour, lw=2.4, label=label)
-        panel.set_title(name)
-        panel.set_ylabel("indicator")
+            fit = found[model]
+            curve = MODELS[model].curve(u, np.array(fit["coefficients"], float), tuple(fit["exponents"]))
+            label = f"{model}, $R^2$ = {fit['r2']:.2f}"
+            panel.plot(t / 3600, curve, style, color=colour, lw=2.4, label=label)
+        panel.set(title=name, ylabel="indicator")
         panel.legend(loc="best")
-    panels[-1].set_xlabel("running time (h)")
+    panels[-1, 0].set_xlabel("running time (h)")
     figure.suptitle(f"{j.run.name} ({j.run.source}): {', '.join(MODELS[m].formula for m in models)}")
     return figure
 
@@ -165,8 +146,8 @@ def errors(work: Work) -> Figure:
     """RMS as indicator: error on all later records against the share of life fitted, every run."""
     table = work.tables["degradation-errors"]
     table = table[(table["indicator"] == "rms") & (table["fit"] == "squares")]
-    figure, panels = _per_run(work)
-    for panel, j in zip(panels, work["judged"], strict=False):
+    figure, panels = grid(len(work["judged"]), 4, (4.3, 3.4), (0.0, 1.0))
+    for panel, j in zip(panels.flat, work["judged"], strict=False):
         here = table[table["run"] == j.run.name]
         for model in SHOWN_MODELS:
             own = here[here["model"] == model]
@@ -175,32 +156,9 @@ def errors(work: Work) -> Figure:
             panel.plot(own["share of life"], values, style, color=colour, lw=2, marker="o", ms=4, label=model)
         panel.set_yscale("log")
         low = float(here[here["model"].isin(SHOWN_MODELS)]["rest / range"].min())
-        panel.set_ylim(low / 2, MOST)
-        panel.set_title(j.run.name)
+        panel.set(ylim=(low / 2, MOST), title=j.run.name)
         panel.grid(color="0.9")
-        panel.set_xlabel("share of life fitted")
-        panel.set_ylabel("RMSE / range")
+        panel.set(xlabel="share of life fitted", ylabel="RMSE / range")
     figure.suptitle(f"Errors on all later records, indicator: RMS ({work.title}); beyond {MOST:g} cut off")
-    figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=5)
+    figure.legend(*panels[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=5)
     return figure
-
-
-def _per_run(work: Work) -> tuple[Figure, list[Any]]:
-    columns = min(len(work["judged"]), 4)
-    rows = -(-len(work["judged"]) // columns)
-    figure = Figure(figsize=(4.3 * columns, 3.4 * rows + 1.0), layout="constrained")
-    panels = list(figure.subplots(rows, columns, squeeze=False).ravel())
-    for panel in panels[len(work["judged"]) :]:
-        panel.set_visible(False)
-    return figure, panels
-
-
-def _analysis(work: Work, run: str, indicator: str) -> dict[str, Any]:
-    (found,) = (r.value for r in work["analyses"] if (r.job.run, r.job.indicator) == (run, indicator))
-    values: dict[str, Any] = found
-    return values
-
-
-def _curve(model: str, found: dict[str, Any], time_s: Array) -> Array:
-    u = (time_s - time_s[0]) / (time_s[-1] - time_s[0])
-    return MODELS[model].curve(u, np.array(found["coefficients"], float), tuple(found["exponents"]))

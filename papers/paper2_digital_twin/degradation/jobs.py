@@ -9,33 +9,27 @@ Used in: Paper 2, section 4.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.signal import lfilter
 
-from papers.paper2_digital_twin.degradation.candidates import (
-    INDICATORS,
-    Judged,
-    digest_of,
-    healthy_level,
-    judge_all,
-    limits_of,
-)
+from papers.arrays import Array
+from papers.paper2_digital_twin.degradation import candidates
+from papers.paper2_digital_twin.degradation.candidates import INDICATORS, Judged
 from papers.paper2_digital_twin.degradation.runs import Reading, StudyRun, study_runs
-from twingap.errors import TwingapError
+from twingap import TwingapError
 from twingap.prognosis.degradation_forecast import TENTHS, out_of_sample, redrawn, remaining_life, rows_until
-from twingap.prognosis.degradation_models import MODELS, fit_curve
+from twingap.prognosis.degradation_models import MODELS, CurveModel, fit_curve
 from twingap.prognosis.information import criteria
 
 if TYPE_CHECKING:
     from papers.framework import Inputs, Work
 
-Array = NDArray[np.float64]
 Series = Mapping[str, tuple[Array, Array]]
 
 
@@ -132,21 +126,19 @@ MEMORIES: Final = (0.0, 0.7)
 
 def analyse(job: Analysis, series: Series) -> dict[str, Any]:
     """All models on one indicator of one run."""
-    time_s, values = series[f"{job.run}/{job.indicator}"]
-    life = float(time_s[-1] - time_s[0])
     rng = np.random.default_rng([job.seed, 5])
-    return {name: _one_model(job, name, time_s, values, life, rng) for name in MODELS}
+    return {name: _one_model(job, model, *series[f"{job.run}/{job.indicator}"], rng) for name, model in MODELS.items()}
 
 
 def _one_model(
-    job: Analysis, name: str, time_s: Array, values: Array, life: float, rng: np.random.Generator
+    job: Analysis, model: CurveModel, time_s: Array, values: Array, rng: np.random.Generator
 ) -> dict[str, Any]:
-    model = MODELS[name]
+    life = float(time_s[-1] - time_s[0])
     fit, robust = fit_curve(model, time_s, values), fit_curve(model, time_s, values, robust=True)
     found = criteria(fit)
     out: dict[str, Any] = {
-        "r2": fit.r2, "rmse": fit.rmse, "robust rmse": robust.rmse,
-        "robust mae": float(np.median(np.abs(robust.residuals))), "mae": float(np.median(np.abs(fit.residuals))),
+        "r2": fit.r2, "rmse": fit.rmse, "robust mae": float(np.median(np.abs(robust.residuals))),
+        "mae": float(np.median(np.abs(fit.residuals))),
         "coefficients": fit.coefficients.tolist(), "exponents": list(fit.exponents), "at bound": fit.at_bound,
         "aicc": found.aicc, "bic": found.bic, "aicc ar1": found.aicc_ar1, "bic ar1": found.bic_ar1,
         "memory": found.memory, "memory ar1": found.memory_ar1,
@@ -225,7 +217,7 @@ def runs(work: Work) -> list[StudyRun]:
 
 
 def judged(work: Work) -> list[Judged]:
-    return judge_all(work["runs"], work.options.indicators)
+    return candidates.judge_all(work["runs"], work.options.indicators)
 
 
 def analyses(work: Work) -> Iterator[Analysis]:
@@ -233,35 +225,33 @@ def analyses(work: Work) -> Iterator[Analysis]:
     for j in found:
         for name in j.series:
             yield Analysis(
-                j.run.name, name, limits_of(j, name, found), healthy_level(j, name), work.size.curves,
-                work.options.interval_level, work.seed,
+                j.run.name, name, candidates.limits_of(j, name, found), candidates.healthy_level(j, name),
+                work.size.curves, work.options.interval_level, work.seed,
             )  # fmt: skip
 
 
 def series(work: Work) -> Inputs:
     """Every indicator over running time, by run and name."""
     found = {f"{j.run.name}/{name}": (j.times[name], x) for j in work["judged"] for name, x in j.series.items()}
-    return {"series": (found, digest_of(found))}
+    return {"series": (found, candidates.digest_of(found))}
 
 
 def checks(work: Work) -> Iterator[Coverage]:
     """Kinds of simulated runs: the right model and the wrong one, with and without memory, early and late in life."""
     options, size = work.options, work.size
-    for truth, model in [(name, name) for name in TRUTHS] + [tuple(options.primary), tuple(options.primary[::-1])]:
-        for memory in MEMORIES:
-            for share in (0.5, 0.7, 0.9):
-                yield Coverage(
-                    truth, model, memory, share, size.coverage_runs, options.simulated_rows, min(size.curves, 100),
-                    options.simulated_noise, options.interval_level, work.seed,
-                )  # fmt: skip
+    pairs = [*((name, name) for name in TRUTHS), options.primary, options.primary[::-1]]
+    for (truth, model), memory, share in itertools.product(pairs, MEMORIES, (0.5, 0.7, 0.9)):
+        yield Coverage(
+            truth, model, memory, share, size.coverage_runs, options.simulated_rows, min(size.curves, 100),
+            options.simulated_noise, options.interval_level, work.seed,
+        )  # fmt: skip
 
 
 def known_laws(work: Work) -> Iterator[KnownLaw]:
     """Simulated runs on which the claim can be true: of every curve, with and without memory of the noise."""
     options = work.options
-    for truth in TRUTHS:
-        for memory in MEMORIES:
-            yield KnownLaw(
-                truth, options.primary, memory, max(1, work.size.coverage_runs // 4), options.simulated_rows,
-                options.simulated_noise, work.seed,
-            )  # fmt: skip
+    for truth, memory in itertools.product(TRUTHS, MEMORIES):
+        yield KnownLaw(
+            truth, options.primary, memory, max(1, work.size.coverage_runs // 4), options.simulated_rows,
+            options.simulated_noise, work.seed,
+        )  # fmt: skip

@@ -3,8 +3,6 @@
 FEMTO, raw IMS --job per bearing--> 15 features [rows, 15], extremes and spectral kurtosis for figures
 IMS feature tables --the columns that correspond--> 8 or 11 features, 4 stand-ins
                   --pauses cut out of the clock; silent records told apart--> StudyRun
-
-Used in: Paper 2, section 4.
 """
 
 from __future__ import annotations
@@ -16,19 +14,14 @@ from typing import Any, Final
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
-from twingap import data
-from twingap.bearing import BEARINGS
+from papers.arrays import Array
+from twingap import BEARINGS, Condition, RecordSet, TwingapError, data
 from twingap.data.ims import ims_features
-from twingap.errors import TwingapError
 from twingap.prognosis.health_indicator import Run, features_of, running
-from twingap.records import Condition, RecordSet
-from twingap.signal.features import PAPER2_FEATURES
-from twingap.signal.kurtosis import spectral_kurtosis
+from twingap.signal import PAPER2_FEATURES, spectral_kurtosis
 from twingap.twins.phenomenological import PhenomenologicalParameters, PhenomenologicalTwin, paper1_chain
 
-Array = NDArray[np.float64]
 Swept = Callable[[Callable[..., Any], Sequence[Any], Any], Sequence[Any]]
 """(function, jobs, inputs) -> results; see `papers.framework.Work.sweep`."""
 
@@ -80,25 +73,21 @@ def measure(job: Measure, records: RecordSet) -> dict[str, Any]:
     own = records.select(lambda c: c.group == job.bearing)
     run = features_of(own, job.bearing, window_samples=job.window_samples)
     order = np.argsort([float(c.time_s or 0.0) for c in own.conditions], kind="stable")
-    extremes = np.empty((len(own), 2), np.float32)
     per_column = -(-len(own) // SHOWN_COLUMNS)
-    columns: list[Array] = []
-    column_times: list[float] = []
-    held: list[Array] = []
-    frequency: Array = np.zeros(0)
-    for row, at in enumerate(order):
-        record = own[int(at)]
-        extremes[row] = record.samples.min(), record.samples.max()
-        sk = spectral_kurtosis(record.samples, record.condition.fs_hz, window_samples=job.window_samples)
-        frequency = sk.frequency
-        held.append(sk.values)
-        if len(held) == per_column or row == len(own) - 1:
-            columns.append(np.mean(held, axis=0))
-            column_times.append(float(run.time_s[row]))
-            held = []
+    extremes, columns, ends = [], [], []
+    for begin in range(0, len(own), per_column):
+        held = []
+        for at in order[begin : begin + per_column]:
+            record = own[int(at)]
+            extremes.append((record.samples.min(), record.samples.max()))
+            held.append(
+                spectral_kurtosis(record.samples, record.condition.fs_hz, window_samples=job.window_samples)
+            )  # fmt: skip
+        columns.append(np.mean([sk.values for sk in held], axis=0))
+        ends.append(min(begin + per_column, len(own)) - 1)
     return {
-        "time_s": run.time_s, "features": run.features, "extremes": extremes, "frequency_hz": frequency,
-        "kurtosis_time_s": np.array(column_times),
+        "time_s": run.time_s, "features": run.features, "extremes": np.array(extremes, np.float32),
+        "frequency_hz": held[-1].frequency, "kurtosis_time_s": run.time_s[ends],
         "kurtosis": np.array(columns, np.float32),
     }  # fmt: skip
 
@@ -113,6 +102,15 @@ class Reading:
     trend_rows_femto: int
     silent_share: float
     window_samples: int
+
+    def study_run(self, whole: Run, source: str, family: str, *more: Any) -> StudyRun:
+        """A run of a family with its silent records told apart; `more` are the last entries of `StudyRun`."""
+        ims = family == "IMS"
+        healthy = self.healthy_rows_ims if ims else self.healthy_rows_femto
+        keep = running(whole, healthy, self.silent_share)
+        turning = Run(whole.name, whole.time_s[keep], whole.names, whole.features[keep])
+        trend = self.trend_rows_ims if ims else self.trend_rows_femto
+        return StudyRun(turning, whole, source, family, healthy, trend, *more)
 
 
 def study_runs(
@@ -134,8 +132,7 @@ def study_runs(
     except data.NotAtHandError as error:
         missing.append(str(error))
     else:
-        there = [name for name in femto if name in records.groups]
-        found += _measured(records, there, "FEMTO", reading, "FEMTO", swept)
+        found += _measured(records, [name for name in femto if name in records.groups], "FEMTO", reading, swept)
     if found:
         families = dict.fromkeys(
             r.family + (SURROGATES if any(o.stand_ins for o in found if o.family == r.family) else "") for r in found
@@ -144,10 +141,8 @@ def study_runs(
     if root is not None and missing:  # who names data wants those used
         raise TwingapError(f"no run to failure is at hand: {missing[0]}", where=root)
     simulated = simulated_runs()
-    names = list(simulated.groups)
-    return "simulated runs, neither IMS nor FEMTO", _measured(
-        simulated, names, "simulated", reading, "simulated", swept
-    )
+    found = _measured(simulated, simulated.groups, "simulated", reading, swept)
+    return "simulated runs, neither IMS nor FEMTO", found
 
 
 def simulated_runs(count: int = 4, records: int = 150) -> RecordSet:
@@ -160,10 +155,9 @@ def simulated_runs(count: int = 4, records: int = 150) -> RecordSet:
         life = 10.0 * (records - 1)
         chain = paper1_chain(rate_per_s=float(rng.uniform(3, 5)) / life, onset_s=0.4 * life, reference_speed_rpm=1800.0)
         levels = PhenomenologicalParameters(impact_amplitude={"outer": 0.3})
+        group = f"run {number + 1}"
         conditions = [
-            Condition(
-                f"run{number + 1}_{k:03d}", 1800.0, 25600.0, 2560, "outer", time_s=10.0 * k, group=f"run {number + 1}"
-            )
+            Condition(f"run{number + 1}_{k:03d}", 1800.0, 25600.0, 2560, "outer", time_s=10.0 * k, group=group)
             for k in range(records)
         ]
         made += list(PhenomenologicalTwin(bearing, levels, chain, unit="g").simulate(conditions, rng))
@@ -184,10 +178,7 @@ def running_time(time_s: Array) -> Array:
 
 def table_features(part: pd.DataFrame) -> tuple[tuple[str, ...], Array, tuple[str, ...]]:
     """What the IMS tables have of the 15 features: names, values [rows, features], and which are stand-ins."""
-    columns: dict[str, Array] = {}
-    for name, column in TIME_COLUMNS.items():
-        if column in part:
-            columns[name] = part[column].to_numpy(float)
+    columns = {name: part[column].to_numpy(float) for name, column in TIME_COLUMNS.items() if column in part}
     columns["kurtosis"] = columns["kurtosis"] + 3
     # Test 3 lacks the second table; what follows from the first is computed.
     columns.setdefault("crest_factor", columns["max"] / columns["rms"])
@@ -208,7 +199,7 @@ def _ims_run(name: str, reading: Reading, root: Path | None, swept: Swept) -> St
     except data.NotAtHandError:
         records = None
     if records is not None and len(records):
-        (found,) = _measured(records, list(records.groups), "IMS", reading, "IMS", swept)
+        (found,) = _measured(records, records.groups, "IMS", reading, swept)
         return replace(found, run=replace(found.run, name=title), whole=replace(found.whole, name=title))
     table = ims_features(root, test=test)
     part = table[(table["bearing"] == bearing) & (table["accelerometer"] == 1)]
@@ -217,35 +208,19 @@ def _ims_run(name: str, reading: Reading, root: Path | None, swept: Swept) -> St
     names, values, stand_ins = table_features(part)
     whole = Run(title, running_time(part["time_s"].to_numpy(float)), names, values)
     source = "feature table" + (SURROGATES if stand_ins else "")
-    return StudyRun(
-        _turning(whole, reading.healthy_rows_ims, reading.silent_share), whole, source, "IMS",
-        reading.healthy_rows_ims, reading.trend_rows_ims, stand_ins,
-    )  # fmt: skip
+    return reading.study_run(whole, source, "IMS", stand_ins)
 
 
 def _measured(
-    records: RecordSet, bearings: list[str], title: str, reading: Reading, family: str, swept: Swept
+    records: RecordSet, bearings: Sequence[str], family: str, reading: Reading, swept: Swept
 ) -> list[StudyRun]:
     """Features by jobs, one a bearing."""
     jobs = [Measure(records.name, bearing, reading.window_samples) for bearing in bearings]
-    if not jobs:
-        return []
-    results = swept(measure, jobs, {"records": (records, records.digest)})
-    found = []
-    healthy = reading.healthy_rows_ims if family == "IMS" else reading.healthy_rows_femto
-    trend = reading.trend_rows_ims if family == "IMS" else reading.trend_rows_femto
-    for result in results:
+    source, found = "simulated" if family == "simulated" else "raw records", []
+    for result in swept(measure, jobs, {"records": (records, records.digest)}) if jobs else ():
         value = {key: np.asarray(part, float) for key, part in result.value.items()}
-        names = PAPER2_FEATURES
-        whole = Run(f"{title} {result.job.bearing}", running_time(value["time_s"]), names, value["features"])
-        found.append(StudyRun(
-            _turning(whole, healthy, reading.silent_share), whole,
-            "simulated" if family == "simulated" else "raw records", family, healthy, trend, (), value["extremes"],
-            (value["kurtosis_time_s"], value["frequency_hz"], value["kurtosis"]),
-        ))  # fmt: skip
+        time_s = running_time(value["time_s"])
+        whole = Run(f"{family} {result.job.bearing}", time_s, PAPER2_FEATURES, value["features"])
+        shown = value["kurtosis_time_s"], value["frequency_hz"], value["kurtosis"]
+        found.append(reading.study_run(whole, source, family, (), value["extremes"], shown))
     return found
-
-
-def _turning(whole: Run, healthy_rows: int, share: float) -> Run:
-    keep = running(whole, healthy_rows, share)
-    return Run(whole.name, whole.time_s[keep], whole.names, whole.features[keep])

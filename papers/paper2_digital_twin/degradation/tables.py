@@ -5,24 +5,27 @@ runs --> runs, fusion9, choice;  analyses --> fits, errors, pairs, lives;  cover
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator, Sequence
-from typing import Any
+from typing import Any, Final, Literal
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 from scipy.stats import spearmanr
 
-from papers.framework import Work
+from papers.arrays import Array
+from papers.framework import Rows, Work, as_table
 from papers.paper2_digital_twin.degradation.candidates import Judged
 from papers.paper2_digital_twin.degradation.jobs import Coverage, KnownLaw
 from twingap.prognosis.degradation_models import MODELS
 from twingap.prognosis.health_indicator import evaluate_candidates, offline_indicators, online_indicators
+from twingap.prognosis.indicator_criteria import causal_trend
 from twingap.sweep import Result
 
-Array = NDArray[np.float64]
 COMBINED = ("combined power 3", "combined power 5")
 EXPONENTIALS = ("exponential", "exponential with offset")
+SCALINGS: Final[tuple[Literal["z", "range"], ...]] = ("z", "range")
+ORDERS: Final[tuple[Literal["descending", "ascending"], ...]] = ("descending", "ascending")
 
 
 def shown(work: Work) -> Judged:
@@ -66,48 +69,42 @@ def runs(found: Sequence[Judged]) -> pd.DataFrame:
     ])  # fmt: skip
 
 
-def fusion9(found: Sequence[Judged]) -> pd.DataFrame:
+@as_table
+def fusion9(found: Sequence[Judged]) -> Rows:
     """Fusion feature 9 among the fusion features under each reading of how they are made.
 
     Rank 1 is best. ``later better`` compares the mean sensitivity of fusion features 9 and on with that of 1 to 8;
     ``number and sensitivity`` is Spearman's correlation of a component's number with its sensitivity.
     """
-    rows = []
     for j in found:
         r = j.run
         parts = [("left out", r.run)]
         if r.whole.time_s.size > r.run.time_s.size:
             parts.append(("kept", r.whole))
-        for silent, run in parts:
-            for learnt in ("whole run", "healthy start"):
-                for scaling in ("z", "range"):
-                    for order in ("descending", "ascending"):
-                        made = (
-                            offline_indicators(run, scaling=scaling, order=order)
-                            if learnt == "whole run"
-                            else online_indicators(run, r.healthy_rows, scaling=scaling, order=order)
-                        )
-                        rows.append(
-                            {"run": r.name, "silent records": silent, "learnt from": learnt, "scaling": scaling,
-                             "order": order, **_nine(made, run.time_s, r.healthy_rows, r.trend_rows)}
-                        )  # fmt: skip
-    return pd.DataFrame(rows)
+        readings = itertools.product(parts, ("whole run", "healthy start"), SCALINGS, ORDERS)
+        for (silent, run), learnt, scaling, order in readings:
+            if learnt == "whole run":
+                made = offline_indicators(run, scaling=scaling, order=order)
+            else:
+                made = online_indicators(run, r.healthy_rows, scaling=scaling, order=order)
+            yield {
+                "run": r.name, "silent records": silent, "learnt from": learnt, "scaling": scaling, "order": order,
+                **_nine(made, run.time_s, r.healthy_rows, r.trend_rows),
+            }  # fmt: skip
 
 
 def _nine(made: Any, time_s: Array, healthy_rows: int, trend_rows: int) -> dict[str, Any]:
     criteria = evaluate_candidates(made, time_s, healthy_rows=healthy_rows, window=trend_rows)
-    fused = {name: c for name, c in criteria.items()
-             if name.startswith("fusion ")}  # fmt: skip
+    fused = {name: c for name, c in criteria.items() if name.startswith("fusion ")}
     names = list(fused)
     out: dict[str, Any] = {"fusion features": len(names)}
     if "fusion 9" not in fused:
         return out
-    share = made.fusion.variance / made.fusion.variance.sum()
-    out["variance share"] = float(share[names.index("fusion 9")])
-    sensitivity = np.array([fused[name].sensitivity for name in names])
+    share, at = made.fusion.variance / made.fusion.variance.sum(), names.index("fusion 9")
+    out["variance share"] = float(share[at])
+    sensitivity = np.array([c.sensitivity for c in fused.values()])
     for what in ("sensitivity", "suitability", "monotonicity", "trendability"):
-        values = np.array([getattr(fused[name], what) for name in names])
-        at = names.index("fusion 9")
+        values = np.array([getattr(c, what) for c in fused.values()])
         out[f"{what} of 9"] = values[at]
         out[f"{what} rank"] = int((values > values[at]).sum()) + 1
         out[f"{what} best"] = names[int(values.argmax())]
@@ -120,57 +117,57 @@ def _nine(made: Any, time_s: Array, healthy_rows: int, trend_rows: int) -> dict[
     return out
 
 
-def choice(found: Sequence[Judged]) -> pd.DataFrame:
+@as_table
+def choice(found: Sequence[Judged]) -> Rows:
     """The indicator chosen on other runs, beside the run's own best, RMS and fusion feature 9."""
-    rows: list[dict[str, Any]] = []
     for j in found:
         best = max(j.criteria, key=lambda name: j.criteria[name].suitability)
         for role, name in (("chosen on other runs", j.choice), ("best of this run", best), ("rms", "rms"),
                            ("fusion 9, healthy start", "fusion 9")):  # fmt: skip
             if name is None or name not in j.criteria:
-                rows.append({"run": j.run.name, "role": role, "candidate": "there is none"})
+                yield {"run": j.run.name, "role": role, "candidate": "there is none"}
                 continue
             c = j.criteria[name]
-            rows.append({
+            yield {
                 "run": j.run.name, "role": role, "candidate": name, "monotonicity": c.monotonicity,
                 "trendability": c.trendability, "robustness": c.robustness, "suitability": c.suitability,
                 "sensitivity": c.sensitivity,
-            })  # fmt: skip
-    return pd.DataFrame(rows)
+            }  # fmt: skip
 
 
-def fits(work: Work) -> pd.DataFrame:
+@as_table
+def fits(work: Work) -> Rows:
     """Fits to whole runs: errors, and information criteria as differences to the best model of the indicator."""
-    rows: list[dict[str, Any]] = []
     for job, values in _analyses(work):
         least = {name: min(v[name] for v in values.values()) for name in ("aicc", "bic", "aicc ar1", "bic ar1")}
         for model, v in values.items():
-            rows.append({
+            yield {
                 "run": job.run, "indicator": job.indicator, "model": model, "formula": MODELS[model].formula,
                 "parameters": MODELS[model].parameters, "R2": v["r2"], "rmse": v["rmse"],
                 "median |residual|": v["mae"], "robust: median |residual|": v["robust mae"],
                 **{f"{name} above best": v[name] - least[name] for name in least},
                 "residual memory": v["memory"], "memory refitted": v["memory ar1"],
                 "exponents": ", ".join(f"{e:.3g}" for e in v["exponents"]), "at a bound": v["at bound"],
-            })  # fmt: skip
-    return pd.DataFrame(rows)
+            }  # fmt: skip
 
 
-def error_rows(work: Work) -> pd.DataFrame:
+@as_table
+def error_rows(work: Work) -> Rows:
     """Errors on records after each tenth of life, also over the range that the indicator's trend runs through."""
-    ranges = {(j.run.name, name): _reach(j, x) for j in work["judged"] for name, x in j.series.items()}
-    rows = []
+    ranges = {
+        (j.run.name, name): float(np.ptp(causal_trend(x, j.run.trend_rows)))
+        for j in work["judged"] for name, x in j.series.items()
+    }  # fmt: skip
     for job, values in _analyses(work):
         reach = ranges[job.run, job.indicator]
         for model, v in values.items():
             for fit, key in (("squares", "errors"), ("robust", "robust errors")):
                 for share, rest, following, n in v[key]:
-                    rows.append({
+                    yield {
                         "run": job.run, "indicator": job.indicator, "model": model, "fit": fit, "share of life": share,
                         "records": n, "rmse rest": rest, "rmse next tenth": following,
                         "rest / range": rest / reach, "next / range": following / reach,
-                    })  # fmt: skip
-    return pd.DataFrame(rows)
+                    }  # fmt: skip
 
 
 def error_summary(errors: pd.DataFrame) -> pd.DataFrame:
@@ -180,9 +177,9 @@ def error_summary(errors: pd.DataFrame) -> pd.DataFrame:
     return grouped.median().add_suffix(", median").join(grouped.max().add_suffix(", worst")).reset_index()
 
 
-def pairs(errors: pd.DataFrame) -> pd.DataFrame:
+@as_table
+def pairs(errors: pd.DataFrame) -> Rows:
     """Combined power against exponential, model by model; below 1 the combined power's error is lower."""
-    rows = []
     for (run, indicator, fit), here in errors.groupby(["run", "indicator", "fit"], sort=False):
         for combined in COMBINED:
             for exponential in EXPONENTIALS:
@@ -198,14 +195,13 @@ def pairs(errors: pd.DataFrame) -> pd.DataFrame:
                     row[f"{what}: exponential median"] = other.median()
                     row[f"{what}: ratio of medians"] = one.median() / other.median()
                     row[f"{what}: tenths lower"] = f"{int((one < other).sum())} of {len(common)}"
-                rows.append(row)
-    return pd.DataFrame(rows)
+                yield row
 
 
-def out_of_sample(pair: pd.DataFrame, shown: str) -> pd.DataFrame:
+@as_table
+def out_of_sample(pair: pd.DataFrame, shown: str) -> Rows:
     """The claim under every reading: each of two combined powers against each of two exponentials, both errors, plain
     and robust fits, every indicator. ``holds``: lower on the paper's run and on at least four FEMTO runs."""
-    rows = []
     keys = ["indicator", "fit", "combined", "exponential"]
     for names, here in pair.groupby(keys, sort=False):
         for what, words in (("rest", "all later records"), ("next", "next tenth")):
@@ -213,60 +209,57 @@ def out_of_sample(pair: pd.DataFrame, shown: str) -> pd.DataFrame:
             femto = ratio[[r for r in ratio.index if str(r).startswith("FEMTO")]]
             own = float(ratio.get(shown, np.nan))
             lower = int((femto < 1).sum())
-            rows.append({
+            yield {
                 **dict(zip(keys, names, strict=True)), "error on": words, f"ratio on {shown}": own,
                 "FEMTO runs lower": lower, "FEMTO runs": len(femto), "FEMTO median ratio": femto.median(),
                 "all runs lower": int((ratio < 1).sum()), "runs": len(ratio), "holds": own < 1 and lower >= 4,
-            })  # fmt: skip
-    return pd.DataFrame(rows)
+            }  # fmt: skip
 
 
-def criteria_summary(found: pd.DataFrame) -> pd.DataFrame:
+@as_table
+def criteria_summary(found: pd.DataFrame) -> Rows:
     """In how many runs each model is the best by each criterion, and the better combined power beats the better
     exponential."""
-    rows: list[dict[str, Any]] = []
     for indicator, here in found.groupby("indicator", sort=False):
         for name in ("aicc", "bic", "aicc ar1", "bic ar1"):
             table = here.pivot_table(index="run", columns="model", values=f"{name} above best", sort=False)
             table = table[[m for m in MODELS if m in table]]
             combined, exponential = table[list(COMBINED)].min(axis=1), table[list(EXPONENTIALS)].min(axis=1)
             best = table.idxmin(axis=1)
-            rows.append({
+            yield {
                 "indicator": indicator, "criterion": name, "runs": len(table),
                 "combined below exponential": int((combined < exponential).sum()),
                 "three parameters: combined below exponential": int(
                     (table["combined power 3"] < table["exponential with offset"]).sum()),
                 **{f"best: {m}": int((best == m).sum()) for m in MODELS},
-            })  # fmt: skip
-    return pd.DataFrame(rows)
+            }  # fmt: skip
 
 
-def life_rows(work: Work) -> pd.DataFrame:
+@as_table
+def life_rows(work: Work) -> Rows:
     """Remaining life that each model would have predicted at each tenth, as shares of the whole life."""
     hours = {j.run.name: float(j.run.run.time_s[-1]) / 3600 for j in work["judged"]}
-    rows = []
     for job, values in _analyses(work):
         for model, v in values.items():
             for source, found in v["lives"].items():
                 for share, true, life, low, high, never in found:
                     reached = life is not None
                     inside = (low is not None and low <= true) and (high is None or true <= high)
-                    rows.append({
+                    yield {
                         "run": job.run, "indicator": job.indicator, "model": model, "limit": source,
                         "share of life": share, "true": true, "predicted": life, "low": low, "high": high,
                         "true h": true * hours[job.run], "predicted h": life * hours[job.run] if reached else None,
                         "reached": reached, "inside": inside, "bounded": high is not None, "curves never": never,
-                    })  # fmt: skip
-    return pd.DataFrame(rows)
+                    }  # fmt: skip
 
 
-def life_summary(lives: pd.DataFrame) -> pd.DataFrame:
+@as_table
+def life_summary(lives: pd.DataFrame) -> Rows:
     """Over runs and tenths: how far off, how often there is an answer at all, how often the interval holds."""
-    rows = []
     for (indicator, limit, model), here in lives.groupby(["indicator", "limit", "model"], sort=False):
         off = (here["predicted"].astype(float) - here["true"]).abs().fillna(np.inf)
         late = here["share of life"] >= 0.7 - 1e-9
-        rows.append({
+        yield {
             "indicator": indicator, "limit": limit, "model": model, "predictions": len(here),
             "median error / life": _or_none(off.median()),
             "median error / life, from 0.7 on": _or_none(off[late].median()),
@@ -274,8 +267,7 @@ def life_summary(lives: pd.DataFrame) -> pd.DataFrame:
             "interval holds": here["inside"].mean(), "interval bounded": here["bounded"].mean(),
             "too late by more than 20 % or never": ((here["predicted"].astype(float).fillna(np.inf) - here["true"])
                                                      > 0.2).mean(),
-        })  # fmt: skip
-    return pd.DataFrame(rows)
+        }  # fmt: skip
 
 
 def coverage(found: Sequence[Result[Coverage]]) -> pd.DataFrame:
@@ -310,60 +302,65 @@ def claims(work: Work, tables: dict[str, pd.DataFrame]) -> pd.DataFrame:
     primary, rival = options.primary
     found, nine, pair = tables["degradation-fits"], tables["degradation-fusion9"], tables["degradation-pairs"]
     rows: list[dict[str, Any]] = []
+
+    def claim(statement: str, where: str, found: str, holds: bool) -> None:
+        verdict = "confirmed" if holds else "not confirmed"
+        rows.append({"claim": statement, "where": where, "found": found, "verdict": verdict})
+
+    models = (*EXPONENTIALS, *COMBINED)
     for name in shown(work).series:
         here = found[(found["run"] == own_run) & (found["indicator"] == name)].set_index("model")
-        r2 = {str(m): float(v) for m, v in here["R2"].items()}
-        rows.append(_claim(
+        r2, delta = here["R2"], here["bic ar1 above best"]
+        # Poor and satisfactory are no numbers: a half and nine tenths of the variance are this study's.
+        satisfactory = max(r2[list(EXPONENTIALS)]) < 0.5 and max(r2[list(COMBINED)]) >= 0.9
+        claim(
             "the exponential fit is poor, the combined power fit is satisfactory",
-            f"{own_run}, {name}, R2 of whole run",
-            "; ".join(f"{m} {r2[m]:.3f}" for m in (*EXPONENTIALS, *COMBINED)),
-            # Poor and satisfactory are no numbers: a half and nine tenths of the variance are this study's.
-            max(r2[m] for m in EXPONENTIALS) < 0.5 and max(r2[m] for m in COMBINED) >= 0.9,
-        ))  # fmt: skip
-        delta = here["bic ar1 above best"]
-        rows.append(_claim(
+            f"{own_run}, {name}, R2 of whole run", "; ".join(f"{m} {r2[m]:.3f}" for m in models), satisfactory,
+        )  # fmt: skip
+        claim(
             "combined power is preferred to exponential", f"{own_run}, {name}, BIC with AR(1) residuals",
-            "; ".join(f"{m} +{delta[m]:.1f}" for m in (*EXPONENTIALS, *COMBINED)),
-            bool(min(delta[m] for m in COMBINED) < min(delta[m] for m in EXPONENTIALS)),
-        ))  # fmt: skip
+            "; ".join(f"{m} +{delta[m]:.1f}" for m in models),
+            min(delta[list(COMBINED)]) < min(delta[list(EXPONENTIALS)]),
+        )  # fmt: skip
     for row in tables["degradation-criteria"].to_dict("records"):
         if row["criterion"] == "bic ar1" and row["runs"] > 1:
             better = row["combined below exponential"]
-            rows.append(_claim(
+            claim(
                 "combined power is preferred to exponential", f"all runs, {row['indicator']}, BIC with AR(1) residuals",
                 f"in {better} of {row['runs']} runs", better > row["runs"] / 2,
-            ))  # fmt: skip
+            )  # fmt: skip
     for family in dict.fromkeys(j.run.family for j in work["judged"]):
         there = {j.run.name for j in work["judged"] if j.run.family == family}
-        part = nine[nine["run"].isin(there)]
-        part = part[part["sensitivity rank"].notna()] if "sensitivity rank" in part else part.iloc[:0]
-        first = int((part["sensitivity rank"] == 1).sum()) if len(part) else 0
-        rows.append(_claim(
-            "fusion feature 9 is the most sensitive", f"{family}, all readings of all runs that have nine",
-            f"first in {first} of {len(part)} readings" + (
-                f", median rank {part['sensitivity rank'].median():.0f}" if len(part) else ""),
-            bool(len(part)) and first == len(part),
-        ))  # fmt: skip
-        later_first = int((part["sensitivity rank among 9 on"] == 1).sum()) if len(part) else 0
-        rows.append(_claim(
-            "fusion feature 9 is the most sensitive of 9 to 15", f"{family}, all readings of all runs that have nine",
-            f"first in {later_first} of {len(part)} readings", bool(len(part)) and later_first == len(part),
-        ))  # fmt: skip
+        # Where no run has nine features, the table lacks these columns.
+        ranked = ("sensitivity rank", "sensitivity rank among 9 on", "variance share", "later better")
+        part = nine[nine["run"].isin(there)].reindex(columns=[*dict.fromkeys((*nine.columns, *ranked))])
+        part = part[part["sensitivity rank"].notna()]
+        count, several = len(part), f"{family}, all readings of all runs that have nine"
+        first = int((part["sensitivity rank"] == 1).sum())
+        rank = f", median rank {part['sensitivity rank'].median():.0f}" if count else ""
+        claim(
+            "fusion feature 9 is the most sensitive", several, f"first in {first} of {count} readings{rank}",
+            0 < count == first,
+        )  # fmt: skip
+        first = int((part["sensitivity rank among 9 on"] == 1).sum())
+        claim(
+            "fusion feature 9 is the most sensitive of 9 to 15", several, f"first in {first} of {count} readings",
+            0 < count == first,
+        )  # fmt: skip
         for learnt in ("whole run", "healthy start"):
-            own = part[(part["learnt from"] == learnt) & (part["order"] == "descending")] if len(part) else part
-            share = float(own["variance share"].mean()) if len(own) else np.nan
-            rows.append(_claim(
+            own = part[(part["learnt from"] == learnt) & (part["order"] == "descending")]
+            share, better = own["variance share"].mean(), int(own["later better"].sum())
+            claim(
                 "fusion features 9 to 15 are those of low variance, and the better ones",
                 f"{family}, {learnt}, ordered by falling variance",
                 f"9 has {100 * share:.2g} % of the variance; 9 to 15 more sensitive in "
-                f"{int(own['later better'].sum()) if len(own) else 0} of {len(own)} readings",
-                bool(len(own)) and bool(own["later better"].all()),
-            ))  # fmt: skip
-        later = int(part["later better"].sum()) if len(part) else 0
-        rows.append(_claim(
+                f"{better} of {len(own)} readings", 0 < len(own) == better,
+            )  # fmt: skip
+        later = int(part["later better"].sum())
+        claim(
             "fusion features 9 to 15 outperform 1 to 8", f"{family}, mean sensitivity, all readings",
-            f"in {later} of {len(part)} readings", bool(len(part)) and later == len(part),
-        ))  # fmt: skip
+            f"in {later} of {count} readings", 0 < count == later,
+        )  # fmt: skip
     for name in dict.fromkeys(pair["indicator"]):
         here = pair[(pair["indicator"] == name) & (pair["fit"] == "squares")]
         here = here[(here["combined"] == primary) & (here["exponential"] == rival)].set_index("run")
@@ -371,41 +368,30 @@ def claims(work: Work, tables: dict[str, pd.DataFrame]) -> pd.DataFrame:
         femto = ratio[[r for r in ratio.index if r.startswith("FEMTO")]]
         own = ratio.get(own_run)
         lower = int((femto < 1).sum())
-        rows.append(_claim(
+        claim(
             f"out-of-sample error of {primary} below {rival} on {own_run} and at least 4 of 6 FEMTO runs",
             f"{name}, ratio of median errors on {'all later records' if options.error == 'rest' else 'the next tenth'}",
             f"{own_run} {'no such indicator' if own is None else f'{own:.3f}'}; {lower} of {len(femto)} FEMTO runs",
             own is not None and own < 1 and lower >= 4,
-        ))  # fmt: skip
+        )  # fmt: skip
     # The same comparison where the law is known: it should prefer the true model in nine runs of ten.
     for truth, right in ((primary, True), (rival, False)):
         for row in tables["degradation-known-law"].to_dict("records"):
             if row["made with"] != truth:
                 continue
             shares = [row["by BIC with AR(1) residuals"], row["by error on all later records"]]
-            rows.append(_claim(
+            claim(
                 f"{primary} is {'' if right else 'not '}preferred to {rival} where runs are made with {truth}",
                 f"simulated, memory of noise {row['memory of noise']:g}, {row['runs']} runs",
                 f"preferred by BIC with AR(1) residuals in {shares[0]:.0%}, by error on all later records in "
                 f"{shares[1]:.0%}", all((share if right else 1 - share) >= 0.9 for share in shares),
-            ))  # fmt: skip
+            )  # fmt: skip
     return pd.DataFrame(rows)
-
-
-def _claim(statement: str, where: str, found: str, holds: bool) -> dict[str, Any]:
-    return {"claim": statement, "where": where, "found": found, "verdict": "confirmed" if holds else "not confirmed"}
 
 
 def _analyses(work: Work) -> Iterator[tuple[Any, dict[str, Any]]]:
     for result in work["analyses"]:
         yield result.job, result.value
-
-
-def _reach(j: Judged, values: Array) -> float:
-    """Range of the trend of an indicator."""
-    from twingap.prognosis.indicator_criteria import causal_trend
-
-    return float(np.ptp(causal_trend(values, j.run.trend_rows)))
 
 
 def _or_none(value: float, most: float = np.inf) -> float | None:

@@ -11,10 +11,10 @@ from typing import Final
 import numpy as np
 from matplotlib.figure import Figure
 
+from papers.figures import LINE_NAMES, subplots
 from papers.framework import Work
 
 ALONG, ACROSS, STATIC, MARK = "#0072B2", "#E69F00", "#444444", "#D55E00"
-NAMES: Final = {"outer": "BPFO", "inner": "BPFI", "ball": "2 BSF"}
 SHOWN_S: Final = 0.1
 
 
@@ -29,8 +29,7 @@ def normal(work: Work, setting: str) -> Figure:
     """Displacement and velocity in x and y from rest at the centre: the counterpart of figure 5."""
     shown = next(r for r in work["healthy"] if r.job.setting == setting)
     t, state = 1e3 * np.asarray(shown.value["t_s"]), np.asarray(shown.value["state"])
-    figure = Figure(figsize=(12, 7), layout="constrained")
-    panels = figure.subplots(2, 2, sharex=True)
+    figure, panels = subplots((12, 7), 2, 2, sharex=True)
     for column, (name, colour) in enumerate((("x (across the load)", ACROSS), ("y (along the load)", ALONG))):
         panels[0, column].plot(t, 1e6 * state[column], color=colour, lw=1.2, label="RK4")
         at, still = 1e3 * np.asarray(shown.value["still_t_s"]), np.asarray(shown.value["still"])[column]
@@ -56,8 +55,7 @@ def against_reference(work: Work, setting: str) -> Figure:
     theirs = np.asarray(shown.value["theirs"])
     count = theirs.shape[1]
     t, ours = 1e3 * np.asarray(shown.value["t_s"])[:count], np.asarray(shown.value["state"])[:, :count]
-    figure = Figure(figsize=(12, 7), layout="constrained")
-    panels = figure.subplots(2, 2, sharex=True)
+    figure, panels = subplots((12, 7), 2, 2, sharex=True)
     labels = ("x (µm)", "y (µm)", "velocity in x (mm/s)", "velocity in y (mm/s)")
     for place, panel in enumerate(panels.flat):
         unit = 1e6 if place < 2 else 1e3
@@ -77,21 +75,18 @@ def faults(work: Work, setting: str) -> Figure:
     wanted = [
         next(r for r in work["faulty"] if (r.job.setting, r.job.fault) == (setting, f)) for f in work.options.faults
     ]
-    figure = Figure(figsize=(13, 3.1 * len(wanted) + 0.8), layout="constrained")
-    panels = figure.subplots(len(wanted), 2, squeeze=False, sharex="col")
+    figure, panels = subplots((13, 3.1 * len(wanted) + 0.8), len(wanted), 2, squeeze=False, sharex="col")
     for row, r in enumerate(wanted):
         samples, fs_hz = np.asarray(r.value["samples"], float), r.job.fs_hz
         count = round(SHOWN_S * fs_hz)
         panels[row, 0].plot(1e3 * np.arange(count) / fs_hz, samples[:count], color=ALONG, lw=0.9)
-        panels[row, 0].set_ylabel("acceleration (m/s²)")
-        panels[row, 0].set_title(f"{r.job.fault}: RMS {r.value['rms'] / r.value['healthy_rms']:.3g} times healthy")
+        title = f"{r.job.fault}: RMS {r.value['rms'] / r.value['healthy_rms']:.3g} times healthy"
+        panels[row, 0].set(ylabel="acceleration (m/s²)", title=title)
         lines = np.asarray(r.value["lines"])
         panels[row, 1].plot(np.asarray(r.value["order"]), lines / lines.max(), color=ALONG, lw=1.1, zorder=3)
         panels[row, 1].axvline(r.value["expected"], color=MARK, ls="--", lw=1.6, zorder=1)
-        panels[row, 1].set_title(
-            f"{NAMES[r.job.fault]} = {r.value['expected']:.3f} orders, found {r.value['found']:.3f}"
-        )
-        panels[row, 1].set_ylabel("envelope line / highest")
+        title = f"{LINE_NAMES[r.job.fault]} = {r.value['expected']:.3f} orders, found {r.value['found']:.3f}"
+        panels[row, 1].set(title=title, ylabel="envelope line / highest")
         panels[row, 1].grid(color="0.9")
     panels[-1, 0].set_xlabel("time (ms)")
     panels[-1, 1].set_xlabel("order (multiples of shaft speed)")

@@ -18,13 +18,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from papers.arrays import Array
+from papers.options import expect
 from papers.paper2_digital_twin.dynamics import reference
-from papers.paper2_digital_twin.dynamics.contact_motion import motions
-from twingap.bearing import BEARINGS
-from twingap.errors import TwingapError
-from twingap.records import Condition
+from papers.paper2_digital_twin.dynamics.contact_motion import motion_of
+from twingap import BEARINGS, Condition
 from twingap.signal import squared_envelope_spectrum
 from twingap.twins.contact import ContactTwin
 from twingap.twins.contact_dynamics import Job
@@ -33,7 +32,6 @@ from twingap.twins.contact_parameters import PRESETS, ContactParameters
 if TYPE_CHECKING:
     from papers.framework import Work
 
-Array = NDArray[np.float64]
 HIGHEST_ORDER: Final = 12.0
 """Up to which a fault's first line is sought: above the inner race's, below second harmonics' crowd."""
 
@@ -78,12 +76,9 @@ class Case:
 
 def check(options: Options, path: Path) -> None:
     """Refuse a bearing or a fault that there is no model of."""
-    if options.bearing not in BEARINGS:
-        known = ", ".join(BEARINGS)
-        raise TwingapError(f"unknown bearing {options.bearing!r}", where=f"{path}: bearing", mend=f"use one of {known}")
+    expect(options.bearing, BEARINGS, f"{path}: bearing")
     for setting, fault in itertools.product(options.settings, options.faults):
-        if fault not in PRESETS[setting].defect_depth_um:
-            raise TwingapError(f"no contact model for fault {fault!r}", where=f"{path}: faults")
+        expect(fault, PRESETS[setting].defect_depth_um, f"{path}: faults")
 
 
 def cases(work: Work, faults: tuple[str, ...], duration_s: float) -> Iterator[Case]:
@@ -106,24 +101,19 @@ def parameters_of(case: Case) -> ContactParameters:
     return replace(own, structure_noise_rms=0.0, white_noise_rms=0.0)
 
 
-def job_of(case: Case, duration_s: float) -> Job:
-    """The trajectory of a case, its cage at zero angle at the start."""
-    samples = round(duration_s * case.fs_hz)
-    turns = np.arange(samples, dtype=np.float64) * (case.speed_rpm / 60 / case.fs_hz)
-    condition = Condition(case.setting, case.speed_rpm, case.fs_hz, samples, case.fault, case.load_n)
-    return Job(BEARINGS[case.bearing], parameters_of(case), condition, turns)
-
-
 def settle(case: Case) -> dict[str, Any]:
     """A healthy bearing from rest at the centre: where and when it settles, its energy, and what SciPy makes of it."""
     bearing, own = BEARINGS[case.bearing], parameters_of(case)
-    (motion,) = motions([job_of(case, case.duration_s)])
-    state = np.array([motion.x_m, motion.y_m, motion.vx_m_s, motion.vy_m_s])
+    # The cage is at zero angle at the start.
+    samples = round(case.duration_s * case.fs_hz)
+    turns = np.arange(samples, dtype=np.float64) * (case.speed_rpm / 60 / case.fs_hz)
+    condition = Condition(case.setting, case.speed_rpm, case.fs_hz, samples, case.fault, case.load_n)
+    motion = motion_of(Job(bearing, own, condition, turns))
+    state = motion.state
     judged = round((1 - case.settled_part) * motion.t_s.size)
     late = slice(judged, None)
     # Some two hundred cage angles are enough: the static solution changes slowly and smoothly with it.
-    every = max(1, motion.t_s.size // 400)
-    thin = np.arange(0, motion.t_s.size, every)
+    thin = np.arange(0, motion.t_s.size, max(1, motion.t_s.size // 400))
     still = np.array([reference.rest(bearing, own, case.load_n, float(motion.cage_turns[i])) for i in thin]).T
     off = np.hypot(*(state[:2, thin] - still))
     size = float(np.hypot(*still.mean(axis=1)))
@@ -147,22 +137,10 @@ def settle(case: Case) -> dict[str, Any]:
 
 
 def settled_at(t_s: Array, off: Array, limit: float, judged_s: float) -> float | None:
-    """From when on a ring stays where it should be.
+    """From when on a ring stays within a limit of the static solution [points]; None where it is away in the judged
+    part.
 
-    Parameters
-    ----------
-    t_s : Array [points]
-    off : Array [points]
-        Distance to the static solution.
-    limit : float
-        Beyond it the ring is away.
-    judged_s : float
-        Where the judged part begins; it lasts to the end.
-
-    Returns
-    -------
-    float or None
-        None where the ring is away anywhere in the judged part: few points near the end say little.
+    Few points near the end say little.
     """
     away = np.flatnonzero(off > limit)
     if away.size and t_s[away[-1]] >= judged_s:
@@ -173,13 +151,10 @@ def settled_at(t_s: Array, off: Array, limit: float, judged_s: float) -> float |
 def strike(case: Case) -> dict[str, Any]:
     """A faulty bearing: its record, and the strongest line of its squared envelope spectrum."""
     bearing = BEARINGS[case.bearing]
-    condition = Condition(
-        case.fault, case.speed_rpm, case.fs_hz, round(case.duration_s * case.fs_hz), case.fault, case.load_n
-    )  # fmt: skip
-    twin = ContactTwin(bearing, parameters_of(case))
-    quiet = replace(condition, fault="healthy")
+    twin, samples = ContactTwin(bearing, parameters_of(case)), round(case.duration_s * case.fs_hz)
+    condition = Condition(case.fault, case.speed_rpm, case.fs_hz, samples, case.fault, case.load_n)
     (record,) = twin.simulate([condition], np.random.default_rng(0))
-    (healthy,) = twin.simulate([quiet], np.random.default_rng(0))
+    (healthy,) = twin.simulate([replace(condition, fault="healthy")], np.random.default_rng(0))
     expected = bearing.fault_order(case.fault)
     spectrum = squared_envelope_spectrum(record.samples, case.fs_hz).in_orders(case.speed_rpm)
     # Half an order is above the cage's own line and below every fault's.
@@ -193,5 +168,4 @@ def strike(case: Case) -> dict[str, Any]:
         "expected": expected, "strongest": strongest, "found": found,
         "resolution": spectrum.resolution, "height": float(lines[near].max() / np.median(lines[inside])),
         "rms": float(record.samples.std()), "healthy_rms": float(healthy.samples.std()),
-        "carrier_hz": twin.contact_mode(case.load_n).frequency_hz,
     }  # fmt: skip

@@ -11,15 +11,12 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 from scipy.optimize import root
 
-from twingap.bearing import Bearing
-from twingap.errors import TwingapError
+from papers.arrays import Array
+from twingap import Bearing, TwingapError
 from twingap.twins.contact_parameters import ContactParameters
-
-Array = NDArray[np.float64]
 
 
 def squeeze(bearing: Bearing, own: ContactParameters, x: float, y: float, cage: float) -> tuple[Array, Array, Array]:
@@ -52,16 +49,8 @@ def energy(
 ) -> tuple[Array, Array]:
     """Energy of the ring (kinetic, elastic, less the load's work), J, and the power that enters it, W [samples].
 
-    Power enters where the cage carries rollers through the load and leaves by damping: dE/dt = P, exactly.
-
-    Parameters
-    ----------
-    state : Array [4, samples]
-        x, y (m), vx, vy (m/s).
-    cage : Array [samples]
-        Its angle, turns.
-    cage_hz : float
-        Its speed, turns per second.
+    Power enters where the cage carries rollers through the load and leaves by damping: dE/dt = P, exactly. `state` is
+    [4, samples], x, y (m), vx, vy (m/s); `cage` its angle [samples], turns, `cage_hz` its speed.
     """
     total, power = np.empty(cage.size), np.empty(cage.size)
     for i, (x, y, vx, vy) in enumerate(state.T):

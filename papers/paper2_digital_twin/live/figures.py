@@ -11,6 +11,7 @@ from typing import Any, Final
 import numpy as np
 from matplotlib.figure import Figure
 
+from papers.figures import subplots
 from papers.framework import Work
 from papers.paper2_digital_twin.live.jobs import Scenario
 from twingap.rigs.drifting import REFILLED, WEARS
@@ -32,19 +33,16 @@ def all_figures(work: Work) -> Iterator[tuple[str, Figure]]:
 def day(first: Result[Scenario]) -> Figure:
     """The first machine's run: what it goes through, and how its twins keep up."""
     course, arms = first.value["course"], first.value["arms"]
-    figure = Figure(figsize=(13, 9.5), layout="constrained")
-    panels = figure.subplots(2, 2, sharex=True)
+    figure, panels = subplots((13, 9.5), 2, 2, sharex=True)
     hours = np.asarray(course["time_s"]) / 3600
     panels[0, 0].plot(hours, course["temperature_c"], color="#444444", lw=1.2)
-    panels[0, 0].set_ylabel("outer ring (°C)")
-    panels[0, 0].set_title("Temperature, as measured")
+    panels[0, 0].set(ylabel="outer ring (°C)", title="Temperature, as measured")
     for name, value in arms.items():
         colour, style = LINES[name]
         at = np.asarray(value["judged"]["time_s"]) / 3600
         panels[0, 1].plot(at, value["judged"]["error"], style, color=colour, lw=1.7, label=name)
     panels[0, 1].axhline(first.value["chance"], color="0.6", lw=1.2, ls=":", label="a perfect twin")
-    panels[0, 1].set_ylabel("relative error of spectra")
-    panels[0, 1].set_title("Each snapshot, predicted before it is seen")
+    panels[0, 1].set(ylabel="relative error of spectra", title="Each snapshot, predicted before it is seen")
     panels[0, 1].legend()
     _parameter(panels[1, 0], course, arms, "stiffness", "Contact stiffness")
     _parameter(panels[1, 1], course, arms, "damping", "Damping")
@@ -66,11 +64,9 @@ def _parameter(panel: Any, course: Any, arms: Any, name: str, title: str) -> Non
     begin = 0.0
     for arm in ("laws alone", "live"):
         found = arms[arm]["updates"]
-        known = [i for i, kind in enumerate(found["kind"]) if kind == "commissioning"]
-        place = known[0]
-        begin = found["time_s"][place]
-        times = np.array([found["time_s"][i] for i in range(place, len(found["kind"]))])
-        values = np.array([found[f"{name} to"][i] for i in range(place, len(found["kind"]))])
+        place = list(found["kind"]).index("commissioning")
+        times, values = (np.asarray(found[column])[place:] for column in ("time_s", f"{name} to"))
+        begin = times[0]
         colour, style = LINES[arm]
         panel.step(
             np.append(times, at[-1]) / 3600, np.append(values, values[-1]) / values[0], style, where="post",
@@ -79,8 +75,7 @@ def _parameter(panel: Any, course: Any, arms: Any, name: str, title: str) -> Non
     truth = np.asarray(course[name])
     reference = truth[int(np.searchsorted(at, begin))]
     panel.plot(at / 3600, truth / reference, color=TRUTH, lw=2.4, alpha=0.7, label="truth", zorder=1)
-    panel.set_ylabel("over its value at commissioning")
-    panel.set_title(title)
+    panel.set(ylabel="over its value at commissioning", title=title)
     shown = (truth / reference)[at >= begin]
     panel.set_ylim(0.75 * shown.min(), 1.25 * shown.max())
     panel.legend()

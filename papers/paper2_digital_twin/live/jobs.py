@@ -11,24 +11,23 @@ The paper prints no number. The machine is virtual and so is every number here; 
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from papers.options import expect
 from papers.paper2_digital_twin.live_twin import LiveOptions, LiveTwin, Message, OrderOptions, Snapshot, StateMessage
-from twingap.bearing import BEARINGS
-from twingap.errors import TwingapError
+from twingap import BEARINGS
 from twingap.rigs.drifting import Drifting, arrivals
 from twingap.twins.contact_parameters import PRESETS
 
 if TYPE_CHECKING:
     from papers.framework import Work
 
-Array = NDArray[np.float64]
 ARMS: Final[dict[str, tuple[bool, bool]]] = {
     "frozen": (False, False),
     "laws alone": (True, False),
@@ -94,9 +93,7 @@ class Scenario:
 
 def check(options: Options, path: Path) -> None:
     """Refuse a bearing that there is no model of."""
-    if options.bearing not in BEARINGS:
-        known = ", ".join(BEARINGS)
-        raise TwingapError(f"unknown bearing {options.bearing!r}", where=f"{path}: bearing", mend=f"use one of {known}")
+    expect(options.bearing, BEARINGS, f"{path}: bearing")
 
 
 def drifting(work: Work) -> Iterator[Scenario]:
@@ -122,8 +119,8 @@ def machine_of(job: Scenario) -> Drifting:
     return Drifting(job.hours, job.drift, job.state_period_s, job.snapshot_period_s, job.snapshot_s, job.fs_hz)
 
 
-def messages_of(job: Scenario, machine: Drifting) -> tuple[list[Message], list[Message]]:
-    """What the machine's instruments send, in order; and the same as it arrives over the line."""
+def messages_of(job: Scenario, machine: Drifting) -> list[Message]:
+    """What the machine's instruments send, as it arrives over the line."""
     course, rng = machine.course(job.seed), np.random.default_rng([job.seed, 17])
     signals = zip(course.time_s, course.temperature_c, course.speed_rpm, course.load_n, strict=True)
     states: list[Message] = [
@@ -135,17 +132,14 @@ def messages_of(job: Scenario, machine: Drifting) -> tuple[list[Message], list[M
         for i, r in enumerate(machine.records(job.seed))
     ]
     sent = sorted([*states, *snapshots], key=lambda m: (m.time_s, isinstance(m, Snapshot)))
-    _, which = arrivals(
-        np.array([m.time_s for m in sent]), rng, delay_s=job.line.delay_s, late=job.line.late, late_s=job.line.late_s,
-        lost=job.line.lost, repeated=job.line.repeated,
-    )  # fmt: skip
-    return sent, [sent[i] for i in which]
+    _, which = arrivals(np.array([m.time_s for m in sent]), rng, **dataclasses.asdict(job.line))
+    return [sent[i] for i in which]
 
 
 def live_through(job: Scenario) -> dict[str, Any]:
     """All twins live through the same run; what each made of every snapshot, what it changed and when."""
     machine = machine_of(job)
-    sent, arrived = messages_of(job, machine)
+    arrived = messages_of(job, machine)
     # The last vibration and what follows it are kept back, so that the twins can be asked for its spectrum first.
     last = max((m for m in arrived if isinstance(m, Snapshot)), key=lambda m: m.time_s)
     before = [m for m in arrived if m.time_s <= last.time_s and m is not last]
@@ -174,11 +168,8 @@ def live_through(job: Scenario) -> dict[str, Any]:
             "predicted": predicted, "commissioning": options.commissioning,
         }  # fmt: skip
         band, chance = twin.band, 0.5 / float(np.sqrt(twin.band.averages(last.samples.size)))
-    out |= {"f_hz": band.f_hz[band.inside], "measured": band.amplitude(last.samples), "chance": chance}
     course = machine.course(job.seed)
-    out["course"] = {
-        "time_s": course.time_s, "temperature_c": course.temperature_c, "stiffness": course.stiffness,
-        "damping": course.damping, "clearance_um": course.clearance_um,
+    drifts = ("time_s", "temperature_c", "stiffness", "damping")
+    return out | {
+        "measured": band.amplitude(last.samples), "chance": chance, "course": {c: getattr(course, c) for c in drifts},
     }  # fmt: skip
-    out["sent"] = len(sent)
-    return out

@@ -15,13 +15,12 @@ from functools import lru_cache
 from typing import Final
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.optimize import brentq
 from scipy.special import ndtr
 
-from twingap.errors import TwingapError
+from twingap import TwingapError
 
-Array = NDArray[np.float64]
 CELLS: Final = 80
 """States of the Markov chain: run lengths to about one percent."""
 NODES: Final = 16
@@ -47,10 +46,7 @@ def run_length(threshold: float, allowance: float, offset: float = 0.0) -> float
 def false_alarms(threshold: float, allowance: float, charts: int, baseline: int | None = None) -> float:
     """Alarms per sample of two-sided charts without drift, at most: they are added up, as if none coincided.
 
-    Parameters
-    ----------
-    baseline : int, optional
-        Samples whose average is the mean in use; None: the mean is known.
+    `baseline` samples make the mean in use; None: the mean is known.
     """
     if baseline is None:
         return 2 * charts / run_length(threshold, allowance)
@@ -61,10 +57,7 @@ def false_alarms(threshold: float, allowance: float, charts: int, baseline: int 
 
 @lru_cache(maxsize=64)
 def threshold_for(rate: float, allowance: float, charts: int, baseline: int | None = None) -> float:
-    """The threshold at which there are `rate` false alarms per sample.
-
-    Raises `TwingapError` for a rate that no threshold gives.
-    """
+    """The threshold at which there are `rate` false alarms per sample; raises `TwingapError` where there is none."""
     if not 0 < rate < 0.5:
         raise TwingapError(f"rate = {rate!r}, between 0 and 0.5 expected", where="drift detector")
 
@@ -96,12 +89,10 @@ class Alarm:
 
 
 class DriftDetector:
-    """Two-sided charts.
+    """Two-sided charts, by name.
 
     Parameters
     ----------
-    charts : sequence of str
-        Their names.
     rate : float
         False alarms per sample, all charts together.
     allowance : float

@@ -9,8 +9,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from twingap.bearing import Bearing
-from twingap.errors import TwingapError
+from twingap import Bearing, TwingapError
 
 
 @dataclass(frozen=True)

@@ -9,11 +9,9 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
+from papers.arrays import Array
 from twingap.twins.contact_parameters import DEFECTS
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -25,7 +25,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from papers.paper2_digital_twin.live_twin.messages import Message, StateMessage, kind_of
-from twingap.errors import TwingapError
+from twingap import TwingapError
 
 CASES = (
     "accepted", "out of order", "repeated", "late", "missing", "unusable", "from the future", "overflowed",
@@ -92,21 +92,19 @@ class Reorder:
     def push(self, message: Message) -> list[Message]:
         """Take a message; give back those whose turn has come, in order of time."""
         kind = kind_of(message)
+        key = kind, message.time_s, message.number
         if not message.usable:
-            self.counts[kind, "unusable"] += 1
-            return []
-        key = _key_of(message)
+            return self._leave_out(kind, "unusable")
         if self._repeated(key, message):
-            self.counts[kind, "repeated"] += 1
-            return []
+            return self._leave_out(kind, "repeated")
         if self._latest is not None and message.time_s > self._latest + self.options.ahead_s:
             agreed = self._ahead is not None and self._agree(self._ahead, key)
             self._ahead = None if agreed else key
             if not agreed:
-                self.counts[kind, "from the future"] += 1
                 self._remember(key, message)
-                return []
-        if self._first_was_ahead(message):
+                return self._leave_out(kind, "from the future")
+        if self._entered == 1 and len(self._heap) == 1 and self._far_behind(message):
+            # The only message so far lies so far ahead of this one that its clock was wrong.
             (_, _, _, first), self._latest = self._heap.pop(), None
             self.counts[kind_of(first), "accepted"] -= 1
             self.counts[kind_of(first), "from the future"] += 1
@@ -132,6 +130,10 @@ class Reorder:
             out.append(self._pop())
         return out
 
+    def _leave_out(self, kind: str, case: str) -> list[Message]:
+        self.counts[kind, case] += 1
+        return []
+
     def _repeated(self, key: _Key, message: Message) -> bool:
         """Whether it was seen before.
 
@@ -150,10 +152,6 @@ class Reorder:
         """Whether it lies so far behind the latest that one of the two clocks was wrong."""
         far_s = max(self.options.ahead_s, self.options.lateness_s)
         return self._latest is not None and message.time_s < self._latest - far_s
-
-    def _first_was_ahead(self, message: Message) -> bool:
-        """Whether the only message so far lies so far ahead of this one that its clock was wrong."""
-        return self._entered == 1 and len(self._heap) == 1 and self._far_behind(message)
 
     def _leave_late(self, key: _Key, message: Message) -> None:
         self.counts[key[0], "late"] += 1
@@ -212,10 +210,6 @@ class Reorder:
         self._seen.move_to_end(key)
         while len(self._seen) > self.options.remembered:
             self._seen.popitem(last=False)
-
-
-def _key_of(message: Message) -> _Key:
-    return kind_of(message), message.time_s, message.number
 
 
 def _content_of(message: Message) -> _Content:

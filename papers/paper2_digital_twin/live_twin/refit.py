@@ -14,17 +14,17 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from papers.arrays import Array
 from papers.paper2_digital_twin.live_twin.spectrum import Band, MachineState, Prediction, SpectrumModel
-from twingap.errors import TwingapError
-
-Array = NDArray[np.float64]
+from twingap import TwingapError
 
 BIN_CORRELATION: Final = 1.94
 """1 + 2 (4/9 + 1/36): by how much Hann's neighbouring bins, being correlated, raise the variance of a sum over bins."""
 FURTHEST: Final = np.array([0.25, 0.7, 0.7, 1.5])
 """Longest step in the logarithms of stiffness, damping, force level and white noise."""
+GAIN: Final = 1e-3
+"""Least part by which a step has to lower the error for the fit to go on."""
 
 
 @dataclass(frozen=True)
@@ -43,14 +43,10 @@ def relative_error(measured: Sequence[Array], predicted: Sequence[Prediction]) -
 
 
 def deviation(measured: Array, predicted: Prediction, averages: float) -> tuple[Array, Array]:
-    """By how much the logarithms of `FREE` seem to be off, from one snapshot, and the scatter that chance gives it.
+    """By how much the logarithms of `FREE` seem to be off, from one snapshot, and the scatter that chance gives it [4].
 
     The least-squares step, and the roots of its covariance's diagonal: an averaged periodogram's root has the variance
     P / (4 averages).
-
-    Returns
-    -------
-    Array [4], Array [4]
     """
     slopes = predicted.slopes
     inverse = np.linalg.pinv(slopes @ slopes.T, rcond=1e-10, hermitian=True)
@@ -61,32 +57,20 @@ def deviation(measured: Array, predicted: Prediction, averages: float) -> tuple[
 
 
 def refit(
-    model: SpectrumModel,
-    theta: Array,
-    measured: Sequence[Array],
-    states: Sequence[MachineState],
-    band: Band,
-    *,
-    evaluations: int = 4,
-    gain: float = 1e-3,
-    bounds: tuple[Array, Array] | None = None,
-    rolling: Sequence[Array] | None = None,
+    model: SpectrumModel, theta: Array, measured: Sequence[Array], states: Sequence[MachineState], band: Band, *,
+    evaluations: int = 4, bounds: tuple[Array, Array] | None = None, rolling: Sequence[Array] | None = None,
     known: Sequence[Prediction | None] | None = None,
-) -> Fit:
-    """Fit the twin to snapshots.
+) -> Fit:  # fmt: skip
+    """Fit the twin to snapshots; done when a step lowers the error by less than `GAIN`.
 
     Parameters
     ----------
     theta : Array [4]
         Where the twin stands.
-    measured : sequence of Array [bins]
-        Amplitude spectra.
-    states : sequence of MachineState
-        In which they were taken.
+    measured, states : sequence of Array [bins], of MachineState
+        Amplitude spectra, and the states in which they were taken.
     evaluations : int
         Most calls of the model.
-    gain : float
-        The fit ends when a step lowers the error by less than this part.
     bounds : (Array [4], Array [4]), optional
         Of theta.
     rolling : sequence of Array [bins], optional
@@ -113,7 +97,7 @@ def refit(
         if made is None or not reached < error:
             caution = max(10 * caution, 1e-2)
             continue
-        small = error - reached < gain * error
+        small = error - reached < GAIN * error
         here, predicted, error, caution = trial, made, reached, caution / 10
         if small:
             break

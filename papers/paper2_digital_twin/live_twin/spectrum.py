@@ -21,17 +21,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import welch
 
+from papers.arrays import Array
 from papers.paper2_digital_twin.live_twin.laws import Laws
-from twingap.bearing import Bearing
+from twingap import Bearing, Condition, TwingapError
 from twingap.effects import Mode
 from twingap.effects.modes import response_rms
-from twingap.errors import TwingapError
-from twingap.records import Condition
 from twingap.twins.contact import ContactTwin
 from twingap.twins.contact_dynamics import Job, accelerations
 from twingap.twins.contact_parameters import DEFECTS, ContactParameters
-
-Array = NDArray[np.float64]
 
 FREE: Final = ("stiffness", "damping", "force_level", "white_noise")
 """What is identified anew; the model works with their logarithms. The first three are watched for drift."""
@@ -42,6 +39,8 @@ NEAR: Final = np.array([0.01, 0.05])
 so far differ from fresh ones by up to a sixth (defective 6205 at 1800 rpm): a step of a fit hardly turns."""
 RESOLUTION_HZ: Final = 12.0
 """Aimed distance of two bins: a third of the half width of a mode of 2 % damping at 2 kHz."""
+REFERENCE_RPM: Final = 1800.0
+"""Speed at which `force_level` holds."""
 SEGMENTS: Final = 1.5
 """Length of a simulated trajectory, in segments: two that overlap by half."""
 QUIET: Final = 0.05
@@ -123,21 +122,10 @@ class SpectrumModel:
         What is not free, and clearance at the reference temperature.
     follow : bool
         Whether clearance and damping follow temperature.
-    reference_rpm : float
-        Speed at which `force_level` holds.
     """
 
-    def __init__(
-        self,
-        bearing: Bearing,
-        parameters: ContactParameters,
-        laws: Laws,
-        *,
-        follow: bool,
-        reference_rpm: float = 1800.0,
-    ) -> None:
+    def __init__(self, bearing: Bearing, parameters: ContactParameters, laws: Laws, *, follow: bool) -> None:
         self.bearing, self.parameters, self.laws, self.follow = bearing, parameters, laws, follow
-        self.reference_rpm = reference_rpm
 
     def start(self, state: MachineState, fs_hz: float) -> Array:
         """ln of `FREE` that reproduce the parameters' own noise levels in this state, of a running machine [4]."""
@@ -166,22 +154,15 @@ class SpectrumModel:
         return replace(own, stiffness=stiffness, damping=damping, clearance_um=clearance, load_n=state.load_n)
 
     def predict(
-        self,
-        theta: Array,
-        states: Sequence[MachineState],
-        band: Band,
-        *,
-        slopes: bool = True,
-        rolling: Sequence[Array] | None = None,
-        near: Sequence[Prediction | None] | None = None,
-    ) -> list[Prediction]:
-        """Amplitude spectra in these states, all integrated at once.
+        self, theta: Array, states: Sequence[MachineState], band: Band, *, slopes: bool = True,
+        rolling: Sequence[Array] | None = None, near: Sequence[Prediction | None] | None = None,
+    ) -> list[Prediction]:  # fmt: skip
+        """Amplitude spectra at theta [4] in these states, all integrated at once.
 
         Raises `TwingapError` when the twin cannot be simulated at these parameters.
 
         Parameters
         ----------
-        theta : Array [4]
         slopes : bool
             Whether derivatives are wanted; they are 0 otherwise.
         rolling : sequence of Array [bins], optional
@@ -229,7 +210,7 @@ class SpectrumModel:
         """
         if not state.speed_rpm > 0:
             return 0.0
-        speed = (state.speed_rpm / self.reference_rpm) ** self.laws.speed_power
+        speed = (state.speed_rpm / REFERENCE_RPM) ** self.laws.speed_power
         return float(2 * math.pi * mode.frequency_hz * speed / math.sqrt(2 * fs_hz))
 
     def _noise(self, made: Sequence[ContactParameters], theta: Array, state: MachineState, band: Band) -> Array:

@@ -10,8 +10,6 @@ The first snapshots commission the twin: they are fitted together and show how m
 names the parameter that drifts and since when. What is fitted grows with each further snapshot until `window` of them
 stand behind the new values; then the detector watches again. A machine that stands still does not show them: its
 snapshots are counted and left out.
-
-Used in: Paper 2, figure 7 (simple state signals update the model, complex ones are simulated by it and compared).
 """
 
 from __future__ import annotations
@@ -20,11 +18,11 @@ import time
 from collections import deque
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from papers.arrays import Array
 from papers.paper2_digital_twin.live_twin.drift import Alarm, DriftDetector, threshold_for
 from papers.paper2_digital_twin.live_twin.journal import Evaluation, Journal, Kind, Update
 from papers.paper2_digital_twin.live_twin.laws import Laws
@@ -32,12 +30,9 @@ from papers.paper2_digital_twin.live_twin.messages import Message, Snapshot, Sta
 from papers.paper2_digital_twin.live_twin.order import OrderOptions, Reorder
 from papers.paper2_digital_twin.live_twin.refit import Fit, deviation, refit, relative_error
 from papers.paper2_digital_twin.live_twin.spectrum import FREE, Band, MachineState, Prediction, SpectrumModel
-from twingap.bearing import Bearing
-from twingap.errors import TwingapError
-from twingap.twins.contact import ContactTwin
+from twingap import Bearing, TwingapError
 from twingap.twins.contact_parameters import ContactParameters
 
-Array = NDArray[np.float64]
 WATCHED = FREE[:3]
 STARTS: Final = (0.0, -0.7, 0.7, -1.4, 1.4)
 """Added to the logarithm of the stiffness that the twin was given, at commissioning."""
@@ -91,10 +86,10 @@ class _Seen:
 
 
 class LiveTwin:
-    """A contact twin that is updated from messages.
+    """A contact twin that is updated from messages; the same messages in the same order make the same twin.
 
-    Raises `TwingapError` for a band that is too narrow, and for a rate and an allowance that no threshold of the
-    detector goes with.
+    What it did and why stands in `journal`. Raises `TwingapError` for a band that is too narrow, and for a rate and an
+    allowance that no threshold of the detector goes with.
 
     Parameters
     ----------
@@ -102,31 +97,13 @@ class LiveTwin:
         Where it starts: as identified, or a preset. Damping and clearance are those at `laws.reference_c`.
     fs_hz : float
         Of the snapshots.
-    unit : str
-        Of the snapshots; `parameters.scale` leads to it.
-
-    Attributes
-    ----------
-    journal : Journal
-        What it did and why.
-
-    Notes
-    -----
-    Draws nothing by lot: the same messages in the same order make the same twin.
     """
 
     def __init__(
-        self,
-        bearing: Bearing,
-        parameters: ContactParameters,
-        fs_hz: float,
-        *,
-        laws: Laws | None = None,
-        options: LiveOptions | None = None,
-        order: OrderOptions | None = None,
-        unit: str = "m/s^2",
-    ) -> None:
-        self.bearing, self.unit, self.options = bearing, unit, options or LiveOptions()
+        self, bearing: Bearing, parameters: ContactParameters, fs_hz: float, *, laws: Laws | None = None,
+        options: LiveOptions | None = None, order: OrderOptions | None = None,
+    ) -> None:  # fmt: skip
+        self.options = options or LiveOptions()
         self.band = Band.of(fs_hz, self.options.lowest_hz)
         if self.band.inside.sum() < 32:
             raise TwingapError(
@@ -149,11 +126,6 @@ class LiveTwin:
         self._following = 0  # snapshots behind the new values; 0: watching
 
     @property
-    def commissioned(self) -> bool:
-        """Whether the first snapshots have been fitted."""
-        return self._detector is not None
-
-    @property
     def state(self) -> MachineState | None:
         """The latest state that was let go by the buffer; its temperature is the one that the laws were last set by."""
         return self._state
@@ -168,10 +140,6 @@ class LiveTwin:
             raise self._not_started()
         return self.model.at(self._theta, self._state, self.band.fs_hz)
 
-    def twin(self) -> ContactTwin:
-        """A twin with the parameters of now, to simulate with."""
-        return ContactTwin(self.bearing, self.parameters, unit=self.unit)
-
     def predict(self, state: MachineState) -> Array:
         """Amplitude spectrum (root of the PSD) in the band that a snapshot in this state should have [bins]."""
         if self._theta is None:
@@ -179,15 +147,10 @@ class LiveTwin:
         return self.model.predict(self._theta, [state], self.band, slopes=False)[0].amplitude
 
     def receive(self, message: Message) -> list[Update]:
-        """Take a message as it arrives, whatever its order.
+        """Take a message as it arrives, whatever its order, and say what it led to; most lead to nothing.
 
         Raises `TwingapError` when a message that the buffer let go could not be acted on. Those let go with it have
         been, and what they led to is in the journal.
-
-        Returns
-        -------
-        list of Update
-            What it led to; most messages lead to nothing.
         """
         return self._act_on(self._buffer.push(message))
 
@@ -201,17 +164,15 @@ class LiveTwin:
         failed: Exception | None = None
         for message in released:
             try:
-                made += self._act(message)
+                found = self._told(message) if isinstance(message, StateMessage) else self._shown(message)
             except Exception as error:
                 self.journal.counts[kind_of(message), "failed"] += 1
                 failed = failed or error
+            else:
+                self.journal.updates.extend(found)
+                made += found
         if failed is not None:
             raise failed
-        return made
-
-    def _act(self, message: Message) -> list[Update]:
-        made = self._told(message) if isinstance(message, StateMessage) else self._shown(message)
-        self.journal.updates.extend(made)
         return made
 
     def _told(self, message: StateMessage) -> list[Update]:
@@ -255,17 +216,16 @@ class LiveTwin:
         (predicted,) = self.model.predict(self._theta, [state], self.band)
         off, chance = deviation(seen.amplitude, predicted, seen.averages)
         error, shape = relative_error([seen.amplitude], [predicted]), _shape_error(seen.amplitude, predicted.amplitude)
+        self.journal.evaluations.append(Evaluation(snapshot.time_s, error, shape))
         held = predicted.rolling if predicted.quiet else None
         self._recent.append(replace(seen, rolling=held, predicted=predicted))
         if self._detector is None:
-            self.journal.evaluations.append(Evaluation(snapshot.time_s, error, shape, tuple(off)))
             if len(self._recent) < self.options.commissioning:
                 return []
             return [self._commission(snapshot.time_s, chance, began)]
-        z = ((off - self._mean) / self._scatter)[: len(WATCHED)]
-        self.journal.evaluations.append(Evaluation(snapshot.time_s, error, shape, tuple(off), tuple(z)))
         if not self.options.reidentify:
             return []
+        z = ((off - self._mean) / self._scatter)[: len(WATCHED)]
         if self._following:
             # Where the newest snapshot is far off the values just found, the drift goes on: the two newest count.
             self._following = 2 if np.abs(z).max() > self.options.restart else self._following + 1
@@ -304,10 +264,7 @@ class LiveTwin:
         for shift in STARTS:
             theta = self._theta + np.array([shift, 0.0, 0.0, 0.0])
             try:
-                fit = refit(
-                    self.model, theta, [seen[-1].amplitude], [seen[-1].state], self.band, evaluations=12,
-                    rolling=_held(seen[-1:]),
-                )  # fmt: skip
+                fit = self._refit(theta, seen[-1:], 12)
             except TwingapError:
                 continue
             tried.append((fit.after, shift, fit.theta))
@@ -317,6 +274,13 @@ class LiveTwin:
             )
         return min(tried, key=lambda one: one[:2])[2]
 
+    def _refit(self, theta: Array, seen: list[_Seen], evaluations: int, **more: Any) -> Fit:
+        """Fit from there to snapshots; what the rollers add is held where it matters in none."""
+        amplitudes, states = [s.amplitude for s in seen], [s.state for s in seen]
+        return refit(
+            self.model, theta, amplitudes, states, self.band, evaluations=evaluations, rolling=_held(seen), **more
+        )  # fmt: skip
+
     def _learn_film(self, update: Update, seen: list[_Seen], began: float) -> Update:
         """While the machine warmed up its damping showed how much of it is the oil film's: the best of a few shares."""
         assert self._theta is not None
@@ -324,10 +288,7 @@ class LiveTwin:
         for share in FILM_SHARES:
             self.model.laws = replace(laws, damping=replace(laws.damping, film=share))
             try:
-                fit = refit(
-                    self.model, best, [s.amplitude for s in seen], [s.state for s in seen], self.band, evaluations=5,
-                    rolling=_held(seen),
-                )  # fmt: skip
+                fit = self._refit(best, seen, 5)
             except TwingapError:
                 continue
             tried.append((fit.after, share, fit))
@@ -353,35 +314,28 @@ class LiveTwin:
         state, before = seen[-1].state, self._values(seen[-1].state)
         fit: Fit | None
         try:
-            fit = refit(
-                self.model, self._theta, [s.amplitude for s in seen], [s.state for s in seen], self.band,
-                evaluations=evaluations, bounds=self._bounds, rolling=_held(seen), known=[s.predicted for s in seen],
-            )  # fmt: skip
+            known = [s.predicted for s in seen]
+            fit = self._refit(self._theta, seen, evaluations, bounds=self._bounds, known=known)
         except TwingapError as error:
             fit, kind, why = None, "kept", f"{why}; could not be simulated: {error}"
         if fit is not None and not fit.after < fit.before:
             kind, why = "kept", f"{why}; no better values found nearby"
         elif fit is not None:
             moved, self._theta = fit.theta - self._theta, fit.theta
-            self._remember(fit.predicted)
+            # What is predicted of the newest snapshots now: the next fit begins there.
+            for place, made in enumerate(fit.predicted, start=len(self._recent) - len(seen)):
+                self._recent[place] = replace(self._recent[place], predicted=made)
             if kind in ("drift", "following"):
                 # The alarm's linear view names the wrong chart when a resonance jumps far; the fit knows better.
                 most = int(np.abs(moved / self._scatter)[: len(WATCHED)].argmax())
                 why += f"; {WATCHED[most]} changed by {100 * np.expm1(moved[most]):+.1f} %"
-            if self._bounds is not None and np.any(
-                ((fit.theta <= self._bounds[0]) | (fit.theta >= self._bounds[1]))[: len(WATCHED)]
-            ):
+            low, high = self._bounds or (-np.inf, np.inf)
+            if ((fit.theta <= low) | (fit.theta >= high))[: len(WATCHED)].any():
                 why += f"; stopped at a factor of {self.options.spread:g} from commissioning"
-        update = Update(
-            time_s, kind, why, before, self._values(state), None if fit is None else fit.before,
-            None if fit is None else fit.after, len(seen), time.process_time() - began,
-        )  # fmt: skip
+        off, left = (None, None) if fit is None else (fit.before, fit.after)
+        after, spent = self._values(state), time.process_time() - began
+        update = Update(time_s, kind, why, before, after, off, left, len(seen), spent)
         return update, None if fit is None else fit.predicted
-
-    def _remember(self, predicted: list[Prediction]) -> None:
-        """Keep with the newest snapshots what is predicted of them now: the next fit begins there."""
-        for place, made in enumerate(predicted, start=len(self._recent) - len(predicted)):
-            self._recent[place] = replace(self._recent[place], predicted=made)
 
     def _deviations(self, seen: list[_Seen], predicted: list[Prediction] | None = None) -> Array:
         """Deviations by snapshot [snapshots, 4], from predictions at the twin's values where they are known."""

@@ -24,7 +24,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
-from twingap.errors import TwingapError
+from twingap import TwingapError
 
 Approach = Literal["twin network", "corrected network", "SVM", "SOM-MQE"]
 
@@ -50,8 +50,6 @@ def choose(
     false_alarm: float = 0.01, thresholds: Thresholds | None = None,
 ) -> Choice:  # fmt: skip
     """Choose a method by what is labelled.
-
-    Raises `TwingapError` for negative numbers or no fault.
 
     Parameters
     ----------

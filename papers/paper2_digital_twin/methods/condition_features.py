@@ -11,14 +11,13 @@ from itertools import pairwise
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import fft
 
+from papers.arrays import Array
 from papers.paper2_digital_twin.methods.scalograms import ImageOptions, Modulation
-from twingap.bearing import Bearing
+from twingap import Bearing
 from twingap.signal.features import time_features
 
-Array = NDArray[np.float64]
 BANDS: Final = 8
 """Equal bands from 0 to half the sampling rate."""
 SHAPES: Final = ("kurtosis", "crest_factor", "shape_factor", "impulse_factor", "clearance_factor")
@@ -32,20 +31,15 @@ _HARMONICS = 2
 
 
 def window_features(x: Array, level: Callable[..., Any] = np.mean) -> Array:
-    """Level, shape and level in bands, as logarithms: a fault multiplies them, and so does a machine's size.
+    """`WINDOW_FEATURES` [windows, features] of windows x [windows, samples]: level, shape and level in bands.
+
+    As natural logarithms: a fault multiplies them, and so does a machine's size. The mean is taken out.
 
     Parameters
     ----------
-    x : Array [windows, samples]
-        The mean is taken out.
     level : callable
-        Of the power of a band's lines. The median passes over tones, electrical ones for instance, which a bearing
-        does not make and load or speed change; what impacts excite is broad and moves it as it moves the mean.
-
-    Returns
-    -------
-    Array [windows, features]
-        `WINDOW_FEATURES`; natural logarithms.
+        Of the power of a band's lines. The median passes over tones, electrical ones for instance, which a bearing does
+        not make and load or speed change; what impacts excite is broad and moves it as it moves the mean.
     """
     centred = x - x.mean(axis=-1, keepdims=True)
     tiny = np.finfo(np.float64).tiny
@@ -58,18 +52,10 @@ def window_features(x: Array, level: Callable[..., Any] = np.mean) -> Array:
 
 
 def line_features(found: Modulation, bearing: Bearing, options: ImageOptions) -> Array:
-    """How far each fault's order stands out, and how restless the envelope is at no order in particular.
+    """How far each fault's order stands out, and how restless the envelope is at no order in particular [pieces, 4].
 
-    Parameters
-    ----------
-    options : ImageOptions
-        As given to `modulation`.
-
-    Returns
-    -------
-    Array [pieces, 4]
-        For inner race, outer race and ball the largest log10 prominence of the first harmonics, mean over the two
-        carriers in which it is largest; then the same mean of the rows' median over Gaussian noise.
+    For inner race, outer race and ball the largest log10 prominence of the first harmonics, mean over the two carriers
+    in which it is largest; then the same mean of the rows' median over Gaussian noise.
     """
     lines, orders = found.lines, options.orders
     floor = np.median(lines, axis=-1)

@@ -14,7 +14,8 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from papers.arrays import Array
+
 SETTINGS: Final = {"svc__C": [1.0, 10.0, 100.0], "svc__gamma": ["scale", 0.01]}
 """Tried where two recordings of each class or more are at hand; else C = 10 and "scale"."""
 FOLDS: Final = 3
@@ -23,7 +24,6 @@ FOLDS: Final = 3
 @dataclass(frozen=True)
 class FewLabels:
     pipeline: Any
-    settings: dict[str, Any]  # chosen, or the default
     # balanced accuracy over folds without a shared recording; None where there were too few to cut any
     cross_validated: float | None
     n_classes: int
@@ -41,33 +41,22 @@ class FewLabels:
 
 
 def fit_few_labels(features: Array, labels: NDArray[np.int64], groups: NDArray[np.str_], n_classes: int) -> FewLabels:
-    """Fit on labelled records.
-
-    Parameters
-    ----------
-    features : Array [records, features]
-        As measured: they are scaled inside.
-    labels : NDArray[int64] [records]
-        Of two classes or more.
-    groups : NDArray[str] [records]
-        Recording of each.
-    """
+    """Fit on labelled records of two classes or more: features [records, features] as measured, and the recording of
+    each."""
     from sklearn.model_selection import GridSearchCV, StratifiedGroupKFold
     from sklearn.pipeline import make_pipeline
     from sklearn.preprocessing import StandardScaler
     from sklearn.svm import SVC
 
-    plain = {"svc__C": 10.0, "svc__gamma": "scale"}
-    pipeline = make_pipeline(StandardScaler(), SVC(class_weight="balanced", decision_function_shape="ovr"))
-    pipeline.set_params(**plain)
+    svc = SVC(C=10.0, gamma="scale", class_weight="balanced", decision_function_shape="ovr")
+    pipeline = make_pipeline(StandardScaler(), svc)
     fewest = min(np.unique(groups[labels == c]).size for c in np.unique(labels))
-    folds = min(FOLDS, fewest)
-    if folds < 2:
-        return FewLabels(pipeline.fit(features, labels), plain, None, n_classes)
-    splits = list(StratifiedGroupKFold(folds).split(features, labels, groups))
-    # A fold that lacks a class on the training side cannot be scored.
-    splits = [s for s in splits if np.unique(labels[s[0]]).size == np.unique(labels).size]
+    splits = []
+    if (folds := min(FOLDS, fewest)) > 1:
+        # A fold that lacks a class on the training side cannot be scored.
+        every = StratifiedGroupKFold(folds).split(features, labels, groups)
+        splits = [s for s in every if np.unique(labels[s[0]]).size == np.unique(labels).size]
     if not splits:
-        return FewLabels(pipeline.fit(features, labels), plain, None, n_classes)
+        return FewLabels(pipeline.fit(features, labels), None, n_classes)
     search = GridSearchCV(pipeline, SETTINGS, scoring="balanced_accuracy", cv=splits).fit(features, labels)
-    return FewLabels(search.best_estimator_, dict(search.best_params_), float(search.best_score_), n_classes)
+    return FewLabels(search.best_estimator_, float(search.best_score_), n_classes)

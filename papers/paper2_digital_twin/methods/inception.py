@@ -15,26 +15,15 @@ from dataclasses import dataclass
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from papers.paper2_digital_twin.methods.scalograms import Images
 from twingap.adapt.selection import Evidence
 from twingap.adapt.training import Labels, Outputs, State, reproducible
 
-Array = NDArray[np.float64]
-
 
 class InceptionBlock(nn.Module):
-    """Four branches side by side, joined and normalised.
-
-    Parameters
-    ----------
-    channels : int
-        Of the input.
-    width : int
-        Of each branch; the output has 4 `width` channels.
-    """
+    """Four branches of so much width side by side, joined and normalised: 4 `width` channels."""
 
     def __init__(self, channels: int, width: int) -> None:
         super().__init__()
@@ -56,18 +45,10 @@ class InceptionBlock(nn.Module):
 
 
 class InceptionNet(nn.Module):
-    """Stem, three blocks, one linear classifier.
+    """Stem, three blocks, one linear classifier; normalised by groups of channels within an image, not by batch.
 
-    Parameters
-    ----------
-    shape : (int, int, int)
-        Channels, carriers, orders of an image; at least 16 orders and 8 carriers.
-    width : int
-        Of the branches of the first block; the others have twice as much.
-
-    Notes
-    -----
-    Normalisation is by groups of channels within an image, not by batch, which would mix the domains.
+    `shape` is channels, carriers (8 or more) and orders (16 or more) of an image; `width` is that of the branches of
+    the first block, and the others have twice as much.
     """
 
     def __init__(self, shape: tuple[int, int, int], n_classes: int, width: int = 6) -> None:
@@ -106,15 +87,10 @@ class InceptionTraining:
 def train_inception(
     source: Images, labels: Labels, n_classes: int, settings: InceptionTraining, seed: int
 ) -> list[State]:
-    """Train on labelled (simulated) images; no measured image is used.
+    """Train on labelled (simulated) images: weights at the checkpoints; same seed, same bytes.
 
     Every image is shown, each time, with its carriers moved by up to two rows and its level channel raised or lowered
     by a little: where a resonance lies and how loud a mounting is must not matter.
-
-    Returns
-    -------
-    list of State
-        Weights at the checkpoints. Same seed, same bytes.
     """
     with reproducible(seed):
         net = InceptionNet(source.shape[1:], n_classes, settings.width)
@@ -144,11 +120,6 @@ def _varied(x: Tensor, rng: np.random.Generator) -> Tensor:
     return x
 
 
-def predict(state: State, x: Images, n_classes: int, settings: InceptionTraining) -> Array:
-    """Probabilities [images, classes]."""
-    return outputs(state, x, n_classes, settings).probabilities
-
-
 def evidence(
     states: Sequence[State], source: Images, labels: Labels, target: Images, n_classes: int, settings: InceptionTraining
 ) -> list[Evidence]:
@@ -159,13 +130,9 @@ def evidence(
 
 def outputs(state: State, x: Images, n_classes: int, settings: InceptionTraining) -> Outputs:
     """Logits [images, classes]; no features."""
-    net = _net(state, x, n_classes, settings)
+    net = InceptionNet(x.shape[1:], n_classes, settings.width)
+    net.load_state_dict(state)
+    net.eval()
     with reproducible(0), torch.no_grad():
         logits = torch.cat([net(torch.from_numpy(x[i : i + 256])) for i in range(0, len(x), 256)])
     return Outputs(logits.numpy(), np.zeros((len(x), 0), dtype=np.float32))
-
-
-def _net(state: State, x: Images, n_classes: int, settings: InceptionTraining) -> InceptionNet:
-    net = InceptionNet(x.shape[1:], n_classes, settings.width)
-    net.load_state_dict(state)
-    return net.eval()

@@ -21,7 +21,8 @@ from scipy.linalg import cholesky, solve_triangular
 from scipy.optimize import minimize
 from scipy.special import log_softmax, softmax
 
-Array = NDArray[np.float64]
+from papers.arrays import Array
+
 JITTER: Final = 1e-6
 """Of the variance, added to the covariance's diagonal."""
 STEPS: Final = 500
@@ -37,10 +38,6 @@ class HeadOptions:
     # By what the network's log probabilities are multiplied: one trained on simulations alone is too sure of itself. 0:
     # the head without the network.
     trust: float = 0.5
-
-    def __post_init__(self) -> None:
-        if not (self.length > 0 and self.variance > 0 and self.trust >= 0):
-            raise ValueError(f"{self}: length and variance above 0, trust of 0 or more expected")
 
 
 @dataclass(frozen=True)
@@ -61,9 +58,7 @@ class ResidualHead:
 def fit_residual_head(
     logits: Array, features: Array, labels: NDArray[np.int64], reference: Array, options: HeadOptions | None = None
 ) -> ResidualHead:
-    """Fit to labelled records.
-
-    Raises `ValueError` without labelled records, or when arrays do not match.
+    """Fit to labelled records; the same for the same records.
 
     Parameters
     ----------
@@ -74,17 +69,8 @@ def fit_residual_head(
         Each class weighs alike, as much as the median class has records: those at hand are not how often faults are.
     reference : Array [records, features]
         Records of the machine that set the features' scale, labelled or not.
-
-    Returns
-    -------
-    ResidualHead
-        The same for the same records.
     """
     own = options or HeadOptions()
-    if len(labels) == 0 or not len(logits) == len(features) == len(labels):
-        raise ValueError(
-            f"{len(logits)} logits, {len(features)} features, {len(labels)} labels: as many of each expected"
-        )
     mean, scale = reference.mean(axis=0), reference.std(axis=0)
     scale = np.where(scale > 0, scale, 1.0)
     at = (features - mean) / scale

@@ -1,13 +1,17 @@
-"""Severity without a fault label: minimum quantisation error (MQE) of a self-organising map of healthy vibration.
+"""Self-organising maps: severity without a fault label, and the class of the nearest map.
 
 healthy features --held out in turn--> map of the others -> MQE --> threshold of a stated false-alarm rate
        |                                                                    |
        +--> map of all ----------------------------> MQE of a new window -> alarm?  how bad?
+labelled features --of each class--> map ----------> least MQE of a new record --> class
 
-The map (Kohonen 1990, DOI 10.1109/5.58325) is a grid of units spread over the healthy features; MQE(x) is the distance
-from x to its best matching unit (Qiu, Lee, Lin and Yu 2003, DOI 10.1016/j.aei.2004.08.001), as in paper 2. The paper
-gives no threshold. Here it is a conformal one (Vovk, Gammerman and Shafer 2005): for a window exchangeable with the
-healthy windows held out, P(alarm) <= false_alarm, whatever the distribution of the features.
+The map (Kohonen 1990, DOI 10.1109/5.58325) is a grid of units spread over the features; MQE(x), the minimum
+quantisation error, is the distance from x to its best matching unit (Qiu, Lee, Lin and Yu 2003, DOI
+10.1016/j.aei.2004.08.001), as in paper 2. The paper gives no threshold. Here it is a conformal one (Vovk, Gammerman and
+Shafer 2005): for a window exchangeable with the healthy windows held out, P(alarm) <= false_alarm, whatever the
+distribution of the features. Paper 2 uses SOM-MQE where fault data are plenty, to "identify the running state" (section
+3.2.4), and says of severity alone how. A map a class is the reading taken for identification; of one record a class it
+is the nearest neighbour.
 """
 
 from __future__ import annotations
@@ -18,9 +22,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from twingap.errors import TwingapError
-
-Array = NDArray[np.float64]
+from papers.arrays import Array
+from twingap import TwingapError
 
 
 @dataclass(frozen=True)
@@ -48,16 +51,9 @@ class FeatureMap:
     spread: Array
 
     def mqe(self, features: Array) -> Array:
-        """Distance of each window from its best matching unit.
+        """Distance of each window [windows, features] from its best matching unit [windows]; 0 on a unit.
 
-        Parameters
-        ----------
-        features : Array [windows, features]
-
-        Returns
-        -------
-        Array [windows]
-            In standard deviations of the training features (Euclidean over features); 0 on a unit.
+        In standard deviations of the training features (Euclidean over features).
         """
         x = (np.atleast_2d(features) - self.centre) / self.spread
         square = (x**2).sum(axis=1)[:, None] - 2 * x @ self.weights.T + (self.weights**2).sum(axis=1)
@@ -71,12 +67,12 @@ def fit_map(
 ) -> FeatureMap:
     """Train a map on windows of one state.
 
-    Raises `TwingapError` for features that are not finite.
+    With fewer windows than units, the grid shrinks until it has no more units than windows. Raises `TwingapError` for
+    features that are not finite.
 
     Parameters
     ----------
     features : Array [windows, features]
-        Of one window or more; with fewer windows than units, the grid shrinks until it has no more units than windows.
     rng : numpy.random.Generator
         Drawn from once, for the order of the windows.
     scaling : (Array, Array) or None
@@ -93,13 +89,8 @@ def fit_map(
         return FeatureMap(scaled.mean(axis=0, keepdims=True), centre, spread)
     from minisom import MiniSom
 
-    net = MiniSom(
-        side, side, scaled.shape[1], sigma=side / 3, learning_rate=options.learning_rate, random_seed=seed
-    )  # fmt: skip
-    if scaled.shape[1] > 1:
-        net.pca_weights_init(scaled)
-    else:
-        net.random_weights_init(scaled)
+    net = MiniSom(side, side, scaled.shape[1], sigma=side / 3, learning_rate=options.learning_rate, random_seed=seed)
+    net.pca_weights_init(scaled)
     net.train(scaled, options.epochs * len(scaled), random_order=True)
     return FeatureMap(np.asarray(net.get_weights(), dtype=np.float64).reshape(side**2, -1), centre, spread)
 
@@ -114,9 +105,8 @@ def conformal_threshold(scores: Array, false_alarm: float) -> float:
     """The score above which a window alarms, from scores of healthy windows that the map did not see.
 
     The k-th smallest of n scores, k = ceil((n + 1) (1 - false_alarm)): one more score of the same kind exceeds it with
-    a probability of at most `false_alarm` (exactly 1 - k / (n + 1) without ties).
-
-    Raises `TwingapError` for a rate outside 0 to 1, or fewer scores than the rate needs (99 for 1 %).
+    a probability of at most `false_alarm` (exactly 1 - k / (n + 1) without ties). Raises `TwingapError` for a rate
+    outside 0 to 1, or fewer scores than the rate needs (99 for 1 %).
     """
     if not 0 < false_alarm < 1:
         raise TwingapError(f"false_alarm = {false_alarm!r}, a fraction between 0 and 1 expected", where="threshold")
@@ -135,40 +125,23 @@ def conformal_threshold(scores: Array, false_alarm: float) -> float:
 class HealthyMap:
     map: FeatureMap  # of all healthy windows
     threshold: float  # MQE above which a window alarms
-    false_alarm: float  # rate for which it was set, a window
     # [windows] MQE of each healthy window against a map that saw nothing of its group: what the threshold was read off
     held_out: Array
 
     def mqe(self, features: Array) -> Array:
         return self.map.mqe(features)
 
-    def alarms(self, features: Array) -> NDArray[np.bool_]:
-        return np.asarray(self.mqe(features) > self.threshold)
-
-    def recording_alarms(self, features: Array) -> bool:
-        """Whether a recording, given by its windows, alarms: when more than half of them do.
-
-        The windows of a recording stand and fall together, so no independence is assumed: by Markov's inequality a
-        healthy recording alarms with a probability of at most 2 `false_alarm`.
-        """
-        return bool(self.alarms(features).mean() > 0.5)
-
 
 def healthy_map(
-    features: Array,
-    groups: NDArray[np.str_],
-    false_alarm: float,
-    rng: np.random.Generator,
-    options: MapOptions | None = None,
-    blocks: int = 5,
-) -> HealthyMap:
-    """Train on healthy windows and calibrate the alarm on healthy windows held out.
+    features: Array, groups: NDArray[np.str_], false_alarm: float, rng: np.random.Generator,
+    options: MapOptions | None = None, blocks: int = 5,
+) -> HealthyMap:  # fmt: skip
+    """Train on healthy windows [windows, features] and calibrate the alarm on healthy windows held out.
 
     Raises `TwingapError` for fewer windows than the rate needs.
 
     Parameters
     ----------
-    features : Array [windows, features]
     groups : NDArray[str] [windows]
         Recording of each window. With two or more, each is held out in turn, so that the threshold knows how much
         healthy recordings differ; a single one is cut into `blocks` consecutive stretches instead, and then the rate
@@ -185,4 +158,31 @@ def healthy_map(
         out = parts == part
         held_out[out] = fit_map(features[~out], own, rng).mqe(features[out])
     threshold = conformal_threshold(held_out, false_alarm)
-    return HealthyMap(fit_map(features, own, rng), threshold, false_alarm, held_out)
+    return HealthyMap(fit_map(features, own, rng), threshold, held_out)
+
+
+@dataclass(frozen=True)
+class ClassMaps:
+    """One map for each class, in a common scaling."""
+
+    maps: tuple[FeatureMap | None, ...]  # by class; None for a class without a record, which is never answered
+
+    def mqe(self, features: Array) -> Array:
+        """Distance to each class's map [records, classes]; infinite where there is none."""
+        return np.stack([np.full(len(features), np.inf) if m is None else m.mqe(features) for m in self.maps], axis=-1)
+
+    def probabilities(self, features: Array) -> Array:
+        """Soft votes [records, classes]: softmax of minus the distances over the least of them."""
+        distance = self.mqe(features)
+        least = np.maximum(distance.min(axis=1, keepdims=True), 1e-12)
+        weight = np.exp(1 - distance / least)
+        return np.asarray(weight / weight.sum(axis=1, keepdims=True))
+
+
+def fit_class_maps(
+    features: Array, labels: NDArray[np.int64], n_classes: int, options: MapOptions, rng: np.random.Generator
+) -> ClassMaps:
+    """Train a map on the records [records, features] of each class."""
+    scaling = scaling_of(features, options.least_spread)
+    own = (features[labels == c] for c in range(n_classes))
+    return ClassMaps(tuple(fit_map(x, options, rng, scaling) if len(x) else None for x in own))

@@ -13,6 +13,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
+from papers.figures import grid, rule, subplots
 from papers.framework import Work
 from papers.paper3_zoa_dann.comparison.jobs import TaskOutcome
 from papers.paper3_zoa_dann.comparison.tables import CLEAN, confusion_counts, trials
@@ -60,12 +61,7 @@ def accuracy(runs: pd.DataFrame, available: str) -> Figure:
     own = runs[runs["main"] & (runs["noise"] == CLEAN) & (runs["available"] == available)]
     names = list(dict.fromkeys(own["task"]))
     methods = [method for method in ALL if (own["method"] == method).any()]
-    columns = min(4, len(names))
-    rows = -(-len(names) // columns)
-    figure = Figure(figsize=(3.5 * columns + 2.2, 0.36 * len(methods) * rows + 1.0 * rows + 0.8), layout="constrained")
-    panels = figure.subplots(rows, columns, sharey=True, sharex=True, squeeze=False)
-    for empty in panels.flat[len(names) :]:
-        empty.set_axis_off()
+    figure, panels = grid(len(names), 4, (3.5, 0.36 * len(methods) + 1.0), (2.2, 0.8), sharey=True, sharex=True)
     for panel, name in zip(panels.flat, names, strict=False):
         here = own[own["task"] == name]
         for place, method in enumerate(methods):
@@ -77,16 +73,13 @@ def accuracy(runs: pd.DataFrame, available: str) -> Figure:
             panel.plot(values, np.full(values.size, place), "|", color=colour, ms=9, mew=1.6)
             panel.plot(values.mean(), place, "o", color=colour, mec="k", mew=0.6, ms=8)
             panel.text(106, place, f"{values.mean():.0f}", ha="left", va="center", fontsize=11, color=colour)
-        panel.set_title(f"{name}, {here['data'].iloc[0]}")
-        panel.set_ylim(len(methods) - 0.4, -0.6)
-        panel.set_xlim(0, 122)
+        panel.set(title=f"{name}, {here['data'].iloc[0]}", ylim=(len(methods) - 0.4, -0.6), xlim=(0, 122))
         panel.set_xticks(range(0, 101, 25))
         panel.set_yticks(range(len(methods)), methods)
-        panel.grid(axis="x", color="0.9")
-        panel.set_axisbelow(True)
-    for place in range(max(len(names) - columns, 0), len(names)):
-        panels.flat[place].tick_params(labelbottom=True)
-        panels.flat[place].set_xlabel("windows right (%)")
+        rule(panel, "x")
+    for panel in panels.flat[max(len(names) - 4, 0) : len(names)]:
+        panel.tick_params(labelbottom=True)
+        panel.set_xlabel("windows right (%)")
     seeds = own["seed"].nunique()
     figure.suptitle(
         f"{available} target data, no noise added: mean (circle, number), {seeds} seeds (ticks) and their range"
@@ -97,16 +90,13 @@ def accuracy(runs: pd.DataFrame, available: str) -> Figure:
 def noise(runs: pd.DataFrame) -> Figure:
     """Accuracy against the SNR of added noise, mean over tasks, balanced data: Proposed beside one group in each panel.
 
-    Parameters
-    ----------
-    runs : DataFrame
-        Table ``comparison-trials``, as made or as read back from its file. Of the runs without noise those with the
-        seeds that noise was run with are taken.
+    Of the runs without noise those with the seeds that noise was run with are taken.
     """
     own = runs[runs["main"] & (runs["available"] == "balanced")]
     families = list(dict.fromkeys(own["family"]))
-    figure = Figure(figsize=(16.0, 4.1 * len(families) + 0.8), layout="constrained")
-    panels = figure.subplots(len(families), len(GROUPS), sharex="row", sharey=True, squeeze=False)
+    figure, panels = subplots(
+        (16.0, 4.1 * len(families) + 0.8), len(families), len(GROUPS), sharex="row", sharey=True, squeeze=False
+    )
     for line, family in zip(panels, families, strict=True):
         here = own[own["family"] == family]
         here = here[here["seed"].isin(set(here.loc[here["noise"] != CLEAN, "seed"]))]
@@ -120,12 +110,13 @@ def noise(runs: pd.DataFrame) -> Figure:
                 values = 100 * table.dropna().mean(axis=1)
                 # Without added noise: one step to the right of the quietest level.
                 at = [len(levels) if np.isinf(level) else levels.index(level) for level in values.index]
-                first, size = method == PROPOSED, 13 if marker == "*" else 8
-                panel.plot(at, values, style, marker=marker, color=colour, mec="k", mew=0.5, ms=size,
-                           lw=3 if first else 2, label=method, zorder=3 if first else 2, clip_on=False)  # fmt: skip
+                size, width = (13, 3) if method == PROPOSED else (8, 2)
+                panel.plot(
+                    at, values, style, marker=marker, color=colour, mec="k", mew=0.5, ms=size, lw=width, zorder=width,
+                    label=method, clip_on=False,
+                )  # fmt: skip
             panel.set_xticks(range(len(levels) + 1), [*(f"{level:g}" for level in levels), "none"])
-            panel.set_title(f"{FAMILY[family]}, {', '.join(dict.fromkeys(here['data']))}\n{title}")
-            panel.set_ylim(0, 100)
+            panel.set(title=f"{FAMILY[family]}, {', '.join(dict.fromkeys(here['data']))}\n{title}", ylim=(0, 100))
             panel.grid(color="0.9")
         line[0].set_ylabel("windows right (%)")
     for panel in panels[-1]:
@@ -137,12 +128,7 @@ def noise(runs: pd.DataFrame) -> Figure:
 def confusion(outcome: TaskOutcome, snr_db: float | None) -> Figure:
     """Confusion matrices of every method, summed over seeds: rows true, columns called, per cent of the row."""
     classes = outcome.task.classes
-    columns = 5
-    rows = -(-len(ALL) // columns)
-    figure = Figure(figsize=(17.0, 4.1 * rows), layout="constrained")
-    panels = figure.subplots(rows, columns, squeeze=False, sharex=True, sharey=True)
-    for empty in panels.flat[len(ALL) :]:
-        empty.set_axis_off()
+    figure, panels = grid(len(ALL), 5, (3.4, 4.1), (0.0, 0.0), sharex=True, sharey=True)
     image = None
     for panel, method in zip(panels.flat, ALL, strict=False):
         counts = confusion_counts(outcome, method, snr_db)
@@ -175,11 +161,7 @@ def embedded(outcome: TaskOutcome, snr_db: float | None) -> dict[str, Any]:
 def embedding(outcome: TaskOutcome, snr_db: float | None) -> Figure:
     """t-SNE of the 100 features of simulated and measured windows, first seed: colour is class, shape is domain."""
     found = embedded(outcome, snr_db)
-    rows = -(-max(len(found), 1) // 4)
-    figure = Figure(figsize=(16.0, 4.7 * rows), layout="constrained")
-    panels = figure.subplots(rows, 4, squeeze=False)
-    for empty in panels.flat[len(found) :]:
-        empty.set_axis_off()
+    figure, panels = grid(len(found), 4, (4.0, 4.7), (0.0, 0.0))
     for panel, (method, value) in zip(panels.flat, found.items(), strict=False):
         labels, is_target, points = value["embedding_labels"], value["embedding_is_target"], value["embedding"]
         for place in range(len(outcome.task.classes)):
@@ -187,9 +169,7 @@ def embedding(outcome: TaskOutcome, snr_db: float | None) -> Figure:
             simulated, measured = (points[(labels == place) & (is_target == side)] for side in (False, True))
             panel.scatter(*simulated.T, s=26, marker="o", facecolors="none", edgecolors=colour, linewidths=1.0)
             panel.scatter(*measured.T, s=30, marker="x", color=colour, linewidths=1.4)
-        panel.set_xticks([])
-        panel.set_yticks([])
-        panel.set_title(method)
+        panel.set(xticks=[], yticks=[], title=method)
     handles = [
         Line2D([], [], color=colour, marker="s", ls="", ms=9, label=name)
         for colour, name in zip(CLASS_COLOURS, outcome.task.classes, strict=False)

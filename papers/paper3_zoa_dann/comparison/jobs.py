@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
+from papers.options import expect, read
 from papers.paper3_zoa_dann.comparison.task_files import Material, TaskFile, load_recordings, material, read_task
 from papers.paper3_zoa_dann.comparison.trial import ALL, CLOSED, Trial, noise_words, run_trial
 from papers.paper3_zoa_dann.inputs.options import Options as Common
@@ -28,10 +29,9 @@ from papers.paper3_zoa_dann.inputs.options import read_options as read_common
 from papers.paper3_zoa_dann.job import Identification, identified
 from papers.paper3_zoa_dann.source import FREE, Recipe
 from papers.paper3_zoa_dann.tasks import Target
+from twingap import TwingapError
 from twingap.adapt import ModeInputs, Training
-from twingap.config import build, read_toml
 from twingap.effects import catalogue
-from twingap.errors import TwingapError
 from twingap.provenance import digest_of_path
 
 if TYPE_CHECKING:
@@ -86,13 +86,10 @@ def check(options: Options, path: Path) -> None:
     """Refuse what the types of the entries allow and the comparison cannot do."""
     for name, methods in (("references", options.references), ("rivals", options.rivals)):
         for method in methods:
-            if method not in ALL:
-                known = ", ".join(ALL)
-                raise TwingapError(f"unknown method {method!r}", where=f"{path}: {name}", mend=f"use {known}")
+            expect(method, ALL, f"{path}: {name}")
     for family, names in options.closed.items():
         for effect in names:
-            if effect not in catalogue():
-                raise TwingapError(f"unknown effect {effect!r}", where=f"{path}: closed.{family}")
+            expect(effect, catalogue(), f"{path}: closed.{family}")
     for name, size in options.profiles.items():
         where = f"{path}: profiles.{name}"
         if min(size.seeds, size.steps, size.bearings_per_class, size.records_per_bearing) < 1:
@@ -104,9 +101,7 @@ def check(options: Options, path: Path) -> None:
 
 def read_options(path: Path = CONFIG) -> Options:
     """The comparison's configuration, for studies that share it."""
-    options = build(Options, read_toml(path), path)
-    check(options, path)
-    return options
+    return read(Options, check, path)
 
 
 @dataclass(frozen=True)
@@ -172,12 +167,13 @@ class Prepared:
     identified: Mapping[str, float]
     recipe: Recipe  # of the simulated records
 
+    @property
+    def inputs(self) -> dict[str, tuple[Any, str | None]]:
+        return {"material": (self.material, self.material.digest)}
+
 
 def load_tasks(work: Work) -> list[tuple[TaskFile, Target]]:
-    """The profile's tasks, as far as their data are at hand; task files lie beside the configuration.
-
-    Raises `TwingapError` when there are none.
-    """
+    """The profile's tasks, as far as their data are at hand; task files lie beside the configuration."""
     found: list[tuple[TaskFile, Target]] = []
     missing = []
     folder, common = work.config.with_name("tasks"), read_common()
@@ -209,20 +205,13 @@ def prepared(
         # Identified on what is adapted to and on nothing else; without added noise, as in a quiet hour.
         asked = Identification(task.name, bearing, task.classes, source, common.identification, size.evaluations)
         parameters = identified(work, asked, own.adapt, task.name)
-        free: dict[str, Any] = {name: parameters[name] for name in FREE}
+        # Of the machine to be diagnosed: its speed is known without any label.
+        speeds = tuple(sorted({float(speed) for speed in own.evaluate.speed_rpm}))
+        stiffness, damping, white_share = (parameters[name] for name in FREE)
         recipe = Recipe(
-            **free,
-            # Of the machine to be diagnosed: its speed is known without any label.
-            speeds_rpm=tuple(sorted({float(speed) for speed in own.evaluate.speed_rpm})),
-            fs_hz=task.fs_hz,
-            bearing=bearing,
-            classes=task.classes,
-            options=source,
-            bearings_per_class=size.bearings_per_class,
-            records_per_bearing=size.records_per_bearing,
-            window_samples=task.window_samples,
-            seed=work.seed,
-        )
+            stiffness, damping, white_share, speeds, task.fs_hz, bearing, task.classes, source,
+            size.bearings_per_class, size.records_per_bearing, task.window_samples, work.seed,
+        )  # fmt: skip
         yield Prepared(cell, own, parameters, recipe)
 
 
@@ -248,14 +237,10 @@ def outcomes(work: Work) -> list[TaskOutcome]:
             key = (ready.cell.available, ready.cell.unseen)
             materials[key], identified[key] = ready.material, ready.identified
             # The device is bound and no part of the key: what a training is does not depend on where it runs.
+            jobs = trials(task, ready.cell, ready.recipe, options, common, size, work.seed)
             with kept_modes(work.out) as modes:
-                results += work.sweep(
-                    run_trial,
-                    trials(task, ready.cell, ready.recipe, options, common, size, work.seed),
-                    {"material": (ready.material, ready.material.digest), "device": (work.device, None),
-                     "modes": (modes, None)},
-                    lambda job: job.words, f"task {task.name}",
-                )  # fmt: skip
+                inputs = ready.inputs | {"device": (work.device, None), "modes": (modes, None)}
+                results += work.sweep(run_trial, jobs, inputs, lambda job: job.words, f"task {task.name}")
         found.append(TaskOutcome(task, target.title, materials, identified, results))
         _log_task(work.log, found[-1])
     return found
@@ -274,8 +259,7 @@ def _log_task(log: Run, outcome: TaskOutcome) -> None:
             own_trials = [t for t in outcome.trials if t.job.method == method]
             with of_task.run(f"{task.name} · {method}", {"task": task.name, "method": method}) as of_method:
                 of_method.parameters({"task": task.name, "method": method})
-                quiet = [t.value["accuracy"] for t in own_trials if t.job.snr_db is None]
-                if quiet:
+                if quiet := [t.value["accuracy"] for t in own_trials if t.job.snr_db is None]:
                     of_method.metrics({"accuracy": float(np.mean(quiet)), "trials": len(quiet)})
                 for found in own_trials:
                     settings = {

@@ -15,7 +15,7 @@ from typing import Any, Final
 import numpy as np
 import pandas as pd
 
-from papers.framework import Work
+from papers.framework import Rows, Work, as_table
 from papers.intervals import intervals, std
 from papers.paper3_zoa_dann.comparison.jobs import Key, Options, TaskOutcome
 from papers.paper3_zoa_dann.comparison.trial import ALL, ANALYST, OWN, noise_words
@@ -95,32 +95,31 @@ def _summary(values: Iterable[float], levels: Sequence[float]) -> dict[str, floa
     return {"accuracy": float(np.mean(held)), "accuracy_std": std(held), **intervals(held, levels, 0.0, 1.0)}
 
 
-def by_task(runs: pd.DataFrame, levels: Sequence[float]) -> pd.DataFrame:
+@as_table
+def by_task(runs: pd.DataFrame, levels: Sequence[float]) -> Rows:
     """Accuracy by task, state of the target data and method, no noise added; the strict column from its own trials."""
-    rows = []
     clean = runs[runs["noise"] == CLEAN]
     for (data, task, available, method), own in clean.groupby(["data", "task", "available", "method"], sort=False):
         main = own[own["main"]]
         if main.empty:
             continue
         strict = own["strict"].dropna()
-        rows.append({
+        yield {
             "data": data, "task": task, "available": available, "method": method, "seeds": len(main),
             **_summary(main["accuracy"], levels), "oracle": main["oracle"].mean(), "strict": strict.mean(),
             "strict_std": std(list(strict)), "strict_seeds": len(strict), "strict_oracle": own["strict_oracle"].mean(),
             "recordings_right": main["recordings_right"].mean(), "recordings": int(main["recordings"].iloc[0]),
             "source_accuracy": main["source_accuracy"].mean(),
-        })  # fmt: skip
-    return pd.DataFrame(rows)
+        }  # fmt: skip
 
 
-def family_means(runs: pd.DataFrame, options: Options, levels: Sequence[float]) -> pd.DataFrame:
+@as_table
+def family_means(runs: pd.DataFrame, options: Options, levels: Sequence[float]) -> Rows:
     """Means over the tasks of a data set, by method and noise; intervals over seeds of the mean over tasks.
 
     Without noise all states of the target data count; a second row has balanced data alone, to be compared with noise.
     ``lead`` is over the best of the rivals, in points: which of them is best was told by the same accuracies.
     """
-    rows = []
     main = runs[runs["main"]]
     parts = [("all", main[main["noise"] == CLEAN]), ("balanced", main[main["available"] == "balanced"])]
     for available, part in parts:
@@ -132,13 +131,12 @@ def family_means(runs: pd.DataFrame, options: Options, levels: Sequence[float]) 
                     continue
                 here = own[own["method"] == method]
                 lead = 100 * (values.mean() - max(rivals)) if rivals and method not in options.rivals else np.nan
-                rows.append({
+                yield {
                     "data": ", ".join(dict.fromkeys(here["data"])), "family": family, "available": available,
                     "noise": noise, "method": method, "tasks": here["task"].nunique(), "seeds": len(values),
                     **_summary(values, levels), "oracle": _by_seed(here, "oracle").mean(),
                     "strict": _strict(runs, str(family), str(noise), method), "lead": lead,
-                })  # fmt: skip
-    return pd.DataFrame(rows)
+                }  # fmt: skip
 
 
 def _by_seed(own: pd.DataFrame, column: str) -> pd.Series[Any]:
@@ -176,13 +174,13 @@ def at_noise(runs: pd.DataFrame, snr_db: float, levels: Sequence[float]) -> pd.D
     return pd.DataFrame(rows) if rows else pd.DataFrame(columns=columns)
 
 
-def tests(runs: pd.DataFrame, options: Options, levels: Sequence[float]) -> pd.DataFrame:
+@as_table
+def tests(runs: pd.DataFrame, options: Options, levels: Sequence[float]) -> Rows:
     """Each reference against every other method: differences paired by task and seed, exact sign flips, Holm.
 
     Pairs are means over the states of the target data. Holm's correction is over the methods that one reference meets
     on one data set at one noise level. The interval is Student's over seeds of the mean over tasks.
     """
-    rows: list[dict[str, Any]] = []
     main = runs[runs["main"]]
     for (family, noise), own in main.groupby(["family", "noise"], sort=False):
         pairs = own.pivot_table(index=["task", "seed"], columns="method", values="accuracy")
@@ -200,8 +198,7 @@ def tests(runs: pd.DataFrame, options: Options, levels: Sequence[float]) -> pd.D
                     "reference": reference, "method": method, **columns,
                     **intervals([100 * float(v) for v in seeds], levels, name="lead_"),
                 })  # fmt: skip
-            rows += corrected(found)
-    return pd.DataFrame(rows)
+            yield from corrected(found)
 
 
 def selection(runs: pd.DataFrame) -> pd.DataFrame:
@@ -212,9 +209,9 @@ def selection(runs: pd.DataFrame) -> pd.DataFrame:
     return table.reset_index().rename(columns={"oracle": "oracle (target labels)"})
 
 
-def published(means: pd.DataFrame, options: Options) -> pd.DataFrame:
+@as_table
+def published(means: pd.DataFrame, options: Options) -> Rows:
     """The paper's figures beside ours, per cent and points; the yardstick in a row of its own."""
-    rows = []
     high = noise_words(options.high_noise_db)
     words = {OWN: "the project's own method", ANALYST: "the analyst's rule"}
     for family, theirs in sorted(options.published.items()):
@@ -245,13 +242,12 @@ def published(means: pd.DataFrame, options: Options) -> pd.DataFrame:
             if column == "accuracy":
                 row["ours, oracle"] = 100 * ours(method, noise, "oracle")
                 row["ours, strict"] = 100 * ours(method, noise, "strict")
-            rows.append(row)
-    return pd.DataFrame(rows)
+            yield row
 
 
-def confusion(outcomes: Sequence[TaskOutcome], options: Options) -> pd.DataFrame:
+@as_table
+def confusion(outcomes: Sequence[TaskOutcome], options: Options) -> Rows:
     """Windows by true and called class, balanced data, summed over seeds: without noise and at the high level."""
-    rows = []
     for outcome in outcomes:
         classes = outcome.task.classes
         for snr_db in (None, options.high_noise_db):
@@ -260,12 +256,11 @@ def confusion(outcomes: Sequence[TaskOutcome], options: Options) -> pd.DataFrame
                 if counts is None:
                     continue
                 for true, line in zip(classes, counts, strict=True):
-                    rows.append({
+                    yield {
                         "data": outcome.data, "task": outcome.task.name, "noise": noise_words(snr_db),
                         "method": method, "true": true,
                         **{f"called {name}": int(n) for name, n in zip(classes, line, strict=True)},
-                    })  # fmt: skip
-    return pd.DataFrame(rows)
+                    }  # fmt: skip
 
 
 def confusion_counts(outcome: TaskOutcome, method: str, snr_db: float | None) -> Any | None:
@@ -279,9 +274,9 @@ def confusion_counts(outcome: TaskOutcome, method: str, snr_db: float | None) ->
     return np.sum(found, axis=0) if found else None
 
 
-def tasks(outcomes: Sequence[TaskOutcome]) -> pd.DataFrame:
+@as_table
+def tasks(outcomes: Sequence[TaskOutcome]) -> Rows:
     """What each task adapts to and is judged on: recordings, bearings, windows by class."""
-    rows = []
     for outcome in outcomes:
         for (available, unseen), own in sorted(outcome.materials.items(), key=_cell):
             counts = outcome.task.available[available]
@@ -297,8 +292,7 @@ def tasks(outcomes: Sequence[TaskOutcome]) -> pd.DataFrame:
             }  # fmt: skip
             row |= {f"adapt {name}": counts[name] for name in outcome.task.classes}
             row |= {f"judge {name}": int(n) for name, n in zip(outcome.task.classes, judged, strict=True)}
-            rows.append(row)
-    return pd.DataFrame(rows)
+            yield row
 
 
 def identified(outcomes: Sequence[TaskOutcome]) -> pd.DataFrame:

@@ -17,16 +17,15 @@ from typing import Final, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from papers.options import expect
 from papers.paper3_zoa_dann.inputs.options import TargetOptions
 from papers.paper3_zoa_dann.job import Measured
 from papers.paper3_zoa_dann.tasks import Target, Task
-from twingap import data
+from twingap import Condition, RecordSet, TwingapError, data
 from twingap.adapt import Windows, cut, joined
 from twingap.bearing import FAULTS
 from twingap.config import build, read_toml
-from twingap.errors import TwingapError
 from twingap.provenance import digest_of_value
-from twingap.records import Condition, RecordSet
 from twingap.rigs import make_rig
 
 FOLDER: Final = Path(__file__).with_name("tasks")
@@ -37,10 +36,7 @@ Counts = Mapping[str, int]
 
 @dataclass(frozen=True)
 class TaskFile:
-    """A task, as its file says it.
-
-    Raises `TwingapError` for counts of other classes, or adaptation and judgement that would share recordings.
-    """
+    """A task, as its file says it; refused are counts of other classes, and sides that would share recordings."""
 
     name: str  # short
     title: str  # in words
@@ -65,8 +61,7 @@ class TaskFile:
 
     def __post_init__(self) -> None:
         for fault in self.classes:
-            if fault not in FAULTS:
-                raise TwingapError(f"unknown class {fault!r}", mend=f"use {', '.join(FAULTS)}")
+            expect(fault, FAULTS, "classes")
         if "balanced" not in self.available:
             raise TwingapError("nothing is said of balanced data", mend="add a table [available.balanced]")
         for name, counts in {"judged": self.judged, **self.available}.items():
@@ -99,20 +94,10 @@ def read_task(name: str, folder: Path = FOLDER) -> TaskFile:
 
 @dataclass(frozen=True)
 class Material(Measured):
-    """What one training is given and judged by.
+    """What one training is given and judged by."""
 
-    Parameters
-    ----------
-    adapt, evaluate : Windows
-        As in `Measured`: no recording is in both.
-    adapted : tuple[str, ...]
-        Bearings that were adapted to.
-    bearing : NDArray[str] [windows]
-        Bearing of each window that is judged.
-    """
-
-    adapted: tuple[str, ...]
-    bearing: NDArray[np.str_]
+    adapted: tuple[str, ...]  # bearings that were adapted to
+    bearing: NDArray[np.str_]  # [windows] bearing of each window that is judged
 
     @property
     def unseen(self) -> NDArray[np.bool_]:
@@ -125,29 +110,17 @@ class Material(Measured):
 
 
 def load_recordings(task: TaskFile, root: Path | None, surrogate: TargetOptions, duration_s: float) -> Target | None:
-    """The recordings of a task's data set.
+    """The recordings of a task's data set; None where neither they nor a stand-in are at hand.
 
-    Raises `TwingapError` when what is needed is there in part or cannot be read, or has a stand-in and `root` is given
-    without it: who names data wants those used.
-
-    Parameters
-    ----------
-    root : Path or None
-        Data root; TWINGAP_DATA when None.
-    surrogate : TargetOptions
-        Whose virtual rig takes the place of its data set where that is not at hand.
-    duration_s : float
-        Length of the rig's recordings.
-
-    Returns
-    -------
-    Target or None
-        None where neither the data nor a stand-in are at hand.
+    The virtual rig of `surrogate`, with recordings of so many seconds, takes the place of its data set where that is
+    not at hand. Raises `TwingapError` when what is needed is there in part or cannot be read, or has a stand-in and
+    `root` is given without it: who names data wants those used.
     """
+    title = TITLES.get(task.data_set, task.data_set)
     try:
         records = data.load(task.data_set, root, fs_hz=task.fs_hz)
         _check(task, records)
-        return Target(records, TITLES.get(task.data_set, task.data_set), real=True)
+        return Target(records, title)
     except data.NotAtHandError:
         if root is not None and (task.data_set == surrogate.data_set or (root / task.data_set).exists()):
             raise
@@ -155,31 +128,31 @@ def load_recordings(task: TaskFile, root: Path | None, surrogate: TargetOptions,
         return None
     rig = make_rig(surrogate.surrogate, duration_s=duration_s).records(surrogate.surrogate_seed)
     _check(task, rig)
-    return Target(rig, f"virtual rig, not {TITLES.get(task.data_set, task.data_set)}", real=False)
+    return Target(rig, f"virtual rig, not {title}")
 
 
 def split(task: TaskFile, records: RecordSet, unseen: float | None) -> tuple[Task, RecordSet]:
     """Recordings to adapt to and to judge on; those to adapt to once more, labelled, for `material` alone.
 
-    Raises `TwingapError` when a recording would be on both sides, or a class is missing on one.
-
-    Parameters
-    ----------
-    unseen : float or None
-        Size whose bearings are left out of adaptation and, but for healthy ones, alone are judged.
+    Bearings of the size `unseen` are left out of adaptation and, but for healthy ones, alone are judged. Raises
+    `TwingapError` when a recording would be on both sides, or a class is missing on one.
     """
     if unseen is None and not task.same_bearings:
         raise TwingapError("adapts to the conditions it is judged at: some bearings must be left out", where=task.name)
-    adapt = records.select(lambda c: _adapted(task, c, unseen))
-    judge = records.select(lambda c: _judged(task, c, unseen))
+    adapt = records.select(
+        lambda c: _at(task, c, task.adapt_at, task.healthy_adapt_at) and _size(task, c) in (None, *task.sizes)
+        and (unseen is None or _size(task, c) != unseen)
+    )  # fmt: skip
+    judge = records.select(
+        lambda c: _at(task, c, task.judge_at, task.healthy_judge_at)
+        and _size(task, c) in (None, *(task.sizes if unseen is None else (unseen,)))
+    )  # fmt: skip
     for side, held in (("adapt to", adapt), ("judge on", judge)):
-        missing = set(task.classes) - {c.fault for c in held.conditions}
-        if missing:
+        if missing := set(task.classes) - {c.fault for c in held.conditions}:
             raise TwingapError(
                 f"holds no {', '.join(sorted(missing))} recording to {side} for task {task.name}",
-                where=f"data set {records.name}",
-                mend="complete it: `twingap data list` says what is missing",
-            )
+                where=f"data set {records.name}", mend="complete it: `twingap data list` says what is missing",
+            )  # fmt: skip
     title = task.title if unseen is None else f"{task.title}, unseen bearings ({unseen:g})"
     return Task(task.name, title, adapt.without_labels(), judge), adapt
 
@@ -225,22 +198,15 @@ def _spread(places: list[int], count: int) -> list[tuple[int, int]]:
     return [(place, each + (i < more)) for i, place in enumerate(places)]
 
 
-def _at(task: TaskFile, c: Condition) -> float:
-    return float(c.speed_rpm if task.condition == "speed_rpm" else c.extra[task.condition])
+def _at(task: TaskFile, c: Condition, faulty: tuple[float, ...], healthy: tuple[float, ...]) -> bool:
+    """Whether a recording is of a class of the task, and at one of these conditions."""
+    at = float(c.speed_rpm if task.condition == "speed_rpm" else c.extra[task.condition])
+    return c.fault in task.classes and at in (healthy if c.fault == "healthy" else faulty)
 
 
-def _adapted(task: TaskFile, c: Condition, unseen: float | None) -> bool:
-    if c.fault == "healthy":
-        return _at(task, c) in task.healthy_adapt_at
-    known = c.fault in task.classes and float(c.extra[task.size]) in task.sizes
-    return known and _at(task, c) in task.adapt_at and float(c.extra[task.size]) != unseen
-
-
-def _judged(task: TaskFile, c: Condition, unseen: float | None) -> bool:
-    if c.fault == "healthy":
-        return _at(task, c) in task.healthy_judge_at
-    known = c.fault in task.classes and float(c.extra[task.size]) in task.sizes
-    return known and _at(task, c) in task.judge_at and unseen in (None, float(c.extra[task.size]))
+def _size(task: TaskFile, c: Condition) -> float | None:
+    """Size of a faulty bearing's defect."""
+    return None if c.fault == "healthy" else float(c.extra[task.size])
 
 
 def _check(task: TaskFile, records: RecordSet) -> None:

@@ -20,28 +20,14 @@ from typing import Any, Final
 import numpy as np
 
 from papers.embedding import embed
-from papers.paper3_zoa_dann.comparison.noise import with_noise
 from papers.paper3_zoa_dann.comparison.task_files import Material
 from papers.paper3_zoa_dann.job import spread
 from papers.paper3_zoa_dann.source import Recipe, simulate
 from papers.paper3_zoa_dann.yardsticks import analyst
-from twingap.adapt import (
-    METHODS,
-    Fitted,
-    Judged,
-    ModeInputs,
-    Training,
-    Windows,
-    fit,
-    joined,
-    judge,
-    score,
-    split_by_group,
-)
-from twingap.adapt.fleets import Fleets
+from twingap import Condition
+from twingap import adapt as adaptation
+from twingap.adapt import METHODS, Fitted, Fleets, Judged, ModeInputs, Population, Training, Windows, joined, judge
 from twingap.adapt.order_forest import MOST_MEMBERS, Examples, OrderForest, examples, train_forest
-from twingap.adapt.population import Population
-from twingap.records import Condition
 from twingap.twins.twin_file import TwinSpec
 
 ANALYST: Final = "Analyst's rule"
@@ -85,22 +71,31 @@ def noise_words(snr_db: float | None) -> str:
 
 
 def noisy(windows: Windows, trial: Trial, stream: int) -> Windows:
-    """The windows at the trial's noise level: the same noise for every method."""
+    """The windows of recordings with white noise at the trial's SNR: the same noise for every method.
+
+    The SNR is that of the variance of a recording (all its windows here, each without its mean) over that of the noise:
+    one level a recording, so that its quiet stretches drown first. The noise a recording already has counts as signal,
+    as in the field's noise tests. Windows that overlap get noises of their own, so that they would not do for
+    adaptation and judging at once (they never do).
+    """
     if trial.snr_db is None:
         return windows
     level = round((trial.snr_db + 1000.0) * FINEST)
-    return with_noise(windows, trial.snr_db, np.random.default_rng([trial.seed, stream, level]))
+    centred = windows.samples - windows.samples.mean(axis=1, keepdims=True)
+    sd = np.empty(len(windows))
+    for group in np.unique(windows.group):
+        chosen = windows.group == group
+        sd[chosen] = np.sqrt(np.mean(centred[chosen] ** 2))
+    noise = np.random.default_rng([trial.seed, stream, level]).standard_normal(windows.samples.shape)
+    noise *= (sd * 10 ** (-trial.snr_db / 20))[:, None]
+    return dataclasses.replace(windows, samples=windows.samples + noise)
 
 
 def run_trial(trial: Trial, material: Material, device: str = "auto", modes: Path | None = None) -> dict[str, Any]:
     """Train, choose a checkpoint without target labels, judge.
 
-    Parameters
-    ----------
-    device : str
-        "auto" (a GPU when there is one), "cpu" or "cuda". Where, not what: it is no part of the key.
-    modes : Path, optional
-        Folder in which trials find the modes of windows that another one has decomposed; no part of the key either.
+    Neither `device` nor `modes`, a folder in which trials find the modes of windows that another one has decomposed, is
+    a part of the key.
 
     Returns
     -------
@@ -110,14 +105,16 @@ def run_trial(trial: Trial, material: Material, device: str = "auto", modes: Pat
     """
     evaluate = noisy(material.evaluate, trial, 4)
     if trial.method == ANALYST:
-        return _by_rule(trial, evaluate, material)
+        recipe = trial.recipe
+        calls = analyst(evaluate, recipe.bearing, recipe.classes, trial.false_alarm, "impulsive")
+        return _unchosen(calls, evaluate, material)
     adapt = noisy(material.adapt, trial, 3).unlabelled()
     if trial.method == OWN:
         return _by_orders(trial, evaluate, adapt, material)
     source = simulate(trial.recipe)
     classes = trial.recipe.classes
     inputs = dataclasses.replace(trial.inputs, cache=modes)
-    fitted = fit(
+    fitted = adaptation.fit(
         CLOSED.get(trial.method, trial.method), source, adapt, trial.seed, n_classes=len(classes),
         settings=trial.training, inputs=inputs, held_out=trial.held_out, criterion=trial.criterion, device=device,
     )  # fmt: skip
@@ -133,12 +130,6 @@ def run_trial(trial: Trial, material: Material, device: str = "auto", modes: Pat
     if trial.embedded and fitted.trained is not None:
         result |= _embedding(trial, fitted, source, evaluate)
     return result
-
-
-def _by_rule(trial: Trial, evaluate: Windows, material: Material) -> dict[str, Any]:
-    """The analyst's rule on the same windows."""
-    calls = analyst(evaluate, trial.recipe.bearing, trial.recipe.classes, trial.false_alarm, "impulsive")
-    return _unchosen(calls, evaluate, material)
 
 
 def _by_orders(trial: Trial, evaluate: Windows, adapt: Windows, material: Material) -> dict[str, Any]:
@@ -162,12 +153,9 @@ def _forest(recipe: Recipe, seed: int) -> OrderForest:
 
 def fleet_examples(recipe: Recipe, seed: int, count: int) -> Examples:
     """Windows of `count` fleets at the speeds to be judged; path and noise are open, nothing is identified."""
-    conditions = tuple(
-        Condition(f"{speed:g}", speed, recipe.fs_hz, 2 * recipe.window_samples) for speed in recipe.speeds_rpm
-    )
-    population = Population(
-        TwinSpec("phenomenological"), recipe.bearing, "", conditions, frozenset(), 2 * recipe.window_samples
-    )
+    length = 2 * recipe.window_samples
+    conditions = tuple(Condition(f"{speed:g}", speed, recipe.fs_hz, length) for speed in recipe.speeds_rpm)
+    population = Population(TwinSpec("phenomenological"), recipe.bearing, "", conditions, frozenset(), length)
     rng = np.random.default_rng([recipe.seed, seed, 60])
     return examples(Fleets(population, MOST_MEMBERS, recipe.classes), count, recipe.window_samples, 2, rng)
 
@@ -179,17 +167,14 @@ def _unchosen(told: Any, evaluate: Windows, material: Material) -> dict[str, Any
     def judged(chosen: Any) -> Judged:
         part = evaluate.take(chosen)
         assert part.labels is not None
-        found = score(told[chosen], part.labels, part.group)
+        found = adaptation.score(told[chosen], part.labels, part.group)
         return Judged(found, told[chosen], (found.accuracy,), {}, found.accuracy)
 
     seen = material.unseen
     return {
-        **judged(np.ones(len(evaluate), dtype=bool)).plain(),
-        "unseen": _short(judged(seen)) if seen.any() else None,
-        "history": [],
-        "source_accuracy": None,
-        "device": "cpu",
-    }
+        **judged(np.ones(len(evaluate), dtype=bool)).plain(), "unseen": _short(judged(seen)) if seen.any() else None,
+        "history": [], "source_accuracy": None, "device": "cpu",
+    }  # fmt: skip
 
 
 def _short(judged: Judged) -> dict[str, Any]:
@@ -200,13 +185,12 @@ def _short(judged: Judged) -> dict[str, Any]:
 def _embedding(trial: Trial, fitted: Fitted, source: Windows, evaluate: Windows) -> dict[str, Any]:
     """t-SNE of simulated windows that were held out from training and of measured ones."""
     # As `fit` splits them.
-    _, held = split_by_group(source, trial.held_out, np.random.default_rng([trial.seed, 2]))
+    _, held = adaptation.split_by_group(source, trial.held_out, np.random.default_rng([trial.seed, 2]))
     shown = [part.take(spread(len(part), trial.embedded)) for part in (held, evaluate)]
     features = np.concatenate([fitted.embed(part) for part in shown]).astype(np.float32)
     labels = joined(shown).labels
     assert labels is not None
+    of_target = np.arange(len(features)) >= len(shown[0])
     return {
-        "embedding": embed(features, trial.seed),
-        "embedding_labels": labels,
-        "embedding_is_target": np.arange(len(features)) >= len(shown[0]),
-    }
+        "embedding": embed(features, trial.seed), "embedding_labels": labels, "embedding_is_target": of_target,
+    }  # fmt: skip

@@ -11,10 +11,10 @@ no model predicts is taken out by shifting each simulated window (circularly) to
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.distance import cdist
 
-Array = NDArray[np.float64]
+from papers.arrays import Array
+
 METRICS = ("prd", "rmse", "mmd")
 
 
@@ -50,16 +50,8 @@ def rmse(measured: Array, simulated: Array) -> float:
 
 
 def mmd(measured: Array, simulated: Array) -> float:
-    """Maximum mean discrepancy with a Gaussian kernel as wide as the median distance between measured rows, biased.
-
-    Parameters
-    ----------
-    measured, simulated : Array [rows, values]
-
-    References
-    ----------
-    Gretton et al., A kernel two-sample test, JMLR 13 (2012) 723, eq. 5.
-    """
+    """Maximum mean discrepancy of rows [rows, values] with a Gaussian kernel as wide as the median distance between
+    measured ones, biased (Gretton et al., A kernel two-sample test, JMLR 13 (2012) 723, eq. 5)."""
     among = cdist(measured, measured)
     width = np.median(among[np.triu_indices(len(among), 1)])
 
@@ -71,18 +63,10 @@ def mmd(measured: Array, simulated: Array) -> float:
 
 
 def agreement(measured: Array, simulated: Array, length: int) -> dict[str, float]:
-    """All of it, of two records.
+    """All of it, of two records [samples] with as many windows of `length`, which are scaled to unit RMS.
 
-    Parameters
-    ----------
-    measured, simulated : Array [samples]
-        As many windows of `length` in each.
-
-    Returns
-    -------
-    dict
-        ``waveform prd`` (%), ``waveform rmse`` and ``waveform mmd``; ``spectrum prd`` (%) and ``spectrum rmse`` of the
-        mean spectra, ``spectrum mmd`` of the windows' spectra. For windows of unit RMS.
+    ``waveform prd`` (%), ``waveform rmse`` and ``waveform mmd``; ``spectrum prd`` (%) and ``spectrum rmse`` of the mean
+    spectra, ``spectrum mmd`` of the windows' spectra.
     """
     x, y = windows(measured, length), windows(simulated, length)
     moved, own, other = aligned(x, y), amplitude_spectra(x), amplitude_spectra(y)

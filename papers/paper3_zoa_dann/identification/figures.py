@@ -10,15 +10,15 @@ from typing import Any, Final
 
 import numpy as np
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
+from papers.arrays import Array
+from papers.figures import LINE_NAMES, subplots
 from papers.framework import Work
 from papers.paper3_zoa_dann.identification.agreement import aligned
 from papers.paper3_zoa_dann.identification.jobs import WORDS
-from twingap.records import RecordSet
+from twingap import RecordSet
 from twingap.signal.envelope import squared_envelope_spectrum
 
-Array = NDArray[np.float64]
 LINES: Final = {
     "zoa": ("#D55E00", "-"),
     "zoa-ports": ("#E69F00", "--"),
@@ -26,7 +26,6 @@ LINES: Final = {
     "random": ("#666666", ":"),
 }
 MEASURED, SIMULATED, MARK = "#444444", "#0072B2", "#D55E00"
-NAMES: Final = {"outer": "BPFO", "inner": "BPFI", "ball": "2 BSF"}
 SHOWN_S: Final = 0.1
 """Length of the waveforms shown, s: three turns."""
 HIGHEST_HZ: Final = 520.0
@@ -42,8 +41,7 @@ def convergence(work: Work) -> Figure:
     """Least cost against evaluations, median over seeds and the range of the middle half."""
     options = work.options
     rows, columns = len(options.settings), len(options.faults)
-    figure = Figure(figsize=(4.6 * columns, 3.9 * rows + 1.2), layout="constrained")
-    panels = figure.subplots(rows, columns, squeeze=False, sharex=True)
+    figure, panels = subplots((4.6 * columns, 3.9 * rows + 1.2), rows, columns, squeeze=False, sharex=True)
     for row, setting in enumerate(options.settings):
         for column, fault in enumerate(options.faults):
             panel = panels[row, column]
@@ -57,8 +55,7 @@ def convergence(work: Work) -> Figure:
                 panel.plot(at, middle, style, color=colour, lw=2.4, label=WORDS.get(optimiser, optimiser))
             least = min(float(r.value["best"][-1]) for r in here)
             start = np.quantile([r.value["best"][min(15, len(r.value["best"]) - 1)] for r in here], 0.9)
-            panel.set_ylim(least - 0.04 * (start - least), start)
-            panel.set_title(f"{fault}, {setting} setting")
+            panel.set(ylim=(least - 0.04 * (start - least), start), title=f"{fault}, {setting} setting")
             panel.grid(color="0.9")
     for panel in panels[-1]:
         panel.set_xlabel("evaluations")
@@ -74,8 +71,7 @@ def signals(work: Work, judge: RecordSet, setting: str) -> Figure:
     """Waveforms and envelope spectra, measured and simulated, with the theoretical fault frequencies."""
     faults = work.options.faults
     wanted = f"identified, {WORDS['differential-evolution']}"
-    figure = Figure(figsize=(14.5, 3.9 * len(faults) + 1.2), layout="constrained")
-    panels = figure.subplots(len(faults), 2, squeeze=False, width_ratios=(1, 1.25))
+    figure, panels = subplots((14.5, 3.9 * len(faults) + 1.2), len(faults), 2, squeeze=False, width_ratios=(1, 1.25))
     for row, fault in enumerate(faults):
         (found,) = (
             r for r in work["comparisons"] if (r.job.fault, r.job.setting, r.job.twin) == (fault, setting, wanted)
@@ -83,13 +79,12 @@ def signals(work: Work, judge: RecordSet, setting: str) -> Figure:
         record = judge[[c.fault for c in judge.conditions].index(fault)]
         simulated, fs_hz = np.asarray(found.value["simulated"], float), record.condition.fs_hz
         _waveforms(panels[row, 0], record.samples, simulated, fs_hz)
-        order = work["halves"][0].bearing.fault_order(fault) * record.condition.speed_rpm / 60
-        _envelopes(
-            panels[row, 1], record.samples, simulated, fs_hz, order, record.condition.speed_rpm / 60, NAMES[fault]
-        )
+        name, shaft_hz = LINE_NAMES[fault], record.condition.speed_rpm / 60
+        fault_hz = work["halves"][0].bearing.fault_order(fault) * record.condition.speed_rpm / 60
+        _envelopes(panels[row, 1], record.samples, simulated, fs_hz, fault_hz, shaft_hz, name)
         title = f"{fault}: K = {found.job.stiffness:.2e} N/m$^{{1.5}}$, c = {found.job.damping:.0f} N s/m"
         panels[row, 0].set_title(title)
-        panels[row, 1].set_title(f"{NAMES[fault]} = {order:.1f} Hz")
+        panels[row, 1].set_title(f"{name} = {fault_hz:.1f} Hz")
     panels[-1, 0].set_xlabel("time (ms)")
     panels[-1, 1].set_xlabel("frequency (Hz)")
     figure.legend(*panels[0, 1].get_legend_handles_labels(), loc="outside lower center", ncols=3)
@@ -109,8 +104,7 @@ def _waveforms(panel: Any, measured: Array, simulated: Array, fs_hz: float) -> N
     panel.plot(at, top + gap, color=MEASURED, lw=1.0)
     panel.plot(at, low, color=SIMULATED, lw=1.0)
     panel.set_yticks([0, gap], ["simulated", "measured"], rotation=90, va="center")
-    panel.set_xlim(0, at[-1])
-    panel.set_ylabel("acceleration / RMS")
+    panel.set(xlim=(0, at[-1]), ylabel="acceleration / RMS")
 
 
 def _envelopes(
@@ -123,13 +117,10 @@ def _envelopes(
     ):
         spectrum = squared_envelope_spectrum(samples, fs_hz)
         inside = (spectrum.frequency > 2) & (spectrum.frequency < HIGHEST_HZ)
-        values = spectrum.values[inside]
-        panel.plot(
-            spectrum.frequency[inside], sign * values / values.max(), color=colour, lw=1.3, label=label, zorder=3
-        )
-    marks = [
-        (n * fault_hz, f"{n if n > 1 else ''} {name}".strip(), "--") for n in range(1, int(HIGHEST_HZ / fault_hz) + 1)
-    ]
+        hz, values = spectrum.frequency[inside], spectrum.values[inside]
+        panel.plot(hz, sign * values / values.max(), color=colour, lw=1.3, label=label, zorder=3)
+    harmonics = range(1, int(HIGHEST_HZ / fault_hz) + 1)
+    marks = [(n * fault_hz, f"{n if n > 1 else ''} {name}".strip(), "--") for n in harmonics]
     marks.append((shaft_hz, "$f_r$", ":"))
     for place, (at, text, style) in enumerate(marks):
         panel.axvline(at, color=MARK, ls=style, lw=1.5, zorder=1, label="theoretical frequency" if place == 0 else None)
@@ -137,7 +128,6 @@ def _envelopes(
             text.replace("2 2 BSF", "4 BSF").replace("3 2 BSF", "6 BSF"), (at, 1.2), ha="center", va="bottom",
             color=MARK, fontsize=13, bbox={"facecolor": "white", "edgecolor": "none", "pad": 1.5},
         )  # fmt: skip
-    panel.set_ylim(-1.1, 1.5)
-    panel.set_xlim(0, HIGHEST_HZ)
+    panel.set(ylim=(-1.1, 1.5), xlim=(0, HIGHEST_HZ))
     panel.set_yticks([-1, 0, 1], ["1", "0", "1"])
     panel.set_ylabel("envelope line / highest")

@@ -12,31 +12,29 @@ Used in: Paper 3, sections 2.2 and 2.3, DOI 10.1177/10775463261462852.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from papers.arrays import Array
+from papers.options import expect
 from papers.paper3_zoa_dann.identification.agreement import agreement
-from twingap.bearing import BEARINGS
-from twingap.errors import TwingapError
-from twingap.identification import identify
+from twingap import BEARINGS, Condition, Record, RecordSet, TwingapError, data, identify
 from twingap.identification.contact import BOUNDS
 from twingap.identification.contact_bottom import NOTHING
 from twingap.identification.contact_objective import SpectrumObjective, states_of
 from twingap.identification.optimise import OPTIMISERS, Traced
-from twingap.records import Condition, Record, RecordSet
-from twingap.twins.contact import ContactTwin
+from twingap.rigs import make_rig
+from twingap.twins import ContactTwin, TwinSpec
 from twingap.twins.contact_parameters import PRESETS, ContactParameters
-from twingap.twins.twin_file import TwinSpec
 
 if TYPE_CHECKING:
     from papers.framework import Inputs, Work
 
-Array = NDArray[np.float64]
 WORDS: Final = {
     "zoa": "ZOA, R = 0.1",
     "zoa-ports": "ZOA, R = 0.01",
@@ -58,8 +56,8 @@ class Options:
     load_hp: int
     faults: tuple[str, ...]
     settings: tuple[Literal["physical", "paper"], ...]
-    empirical: tuple[float, ...]
-    printed: tuple[float, ...]
+    empirical: tuple[float, float]
+    printed: tuple[float, float]
     published_drops: tuple[float, ...]
     window_samples: int
     snr_db: float
@@ -71,10 +69,8 @@ class Options:
 
 def check(options: Options, path: Path) -> None:
     """Refuse faults that there is no contact model of."""
-    for setting in options.settings:
-        for fault in options.faults:
-            if fault not in PRESETS[setting].defect_depth_um:
-                raise TwingapError(f"no contact model for fault {fault!r}", where=f"{path}: faults")
+    for setting, fault in itertools.product(options.settings, options.faults):
+        expect(fault, PRESETS[setting].defect_depth_um, f"{path}: faults")
 
 
 @dataclass(frozen=True)
@@ -168,18 +164,14 @@ def recover(job: Recovery) -> dict[str, Any]:
     found = identify(records, TwinSpec("contact"), seed=rng).estimates
     out: dict[str, Any] = {}
     for name, true in (("stiffness", k), ("damping", c)):
-        estimate = found[name]
-        out[name] = estimate.value / true - 1
-        held = estimate.interval
+        out[name] = found[name].value / true - 1
+        held = found[name].interval
         out[f"{name} inside"] = None if held is None else bool(held[0] <= true <= held[1])
     return out
 
 
 def recordings(options: Options, root: Path | None) -> tuple[str, tuple[RecordSet, RecordSet]]:
     """One recording per fault, cut into the half that is fitted and the half that is judged on."""
-    from twingap import data
-    from twingap.rigs import make_rig
-
     try:
         records, title = data.load("cwru", root), "CWRU"
     except data.NotAtHandError:
@@ -189,16 +181,11 @@ def recordings(options: Options, root: Path | None) -> tuple[str, tuple[RecordSe
     halves: tuple[list[Record], list[Record]] = ([], [])
     for fault in options.faults:
         wanted = (fault, options.load_hp, options.fault_size_inch)
-        places = [
-            i
-            for i, c in enumerate(records.conditions)
-            if (c.fault, c.extra["load_hp"], c.extra["fault_size_inch"]) == wanted
-        ]
-        if not places:
-            raise TwingapError(
-                f"no {fault} recording of {options.fault_size_inch:g} in at {options.load_hp} hp", where=title
-            )
-        record = records[places[0]]
+        abouts = [(c.fault, c.extra["load_hp"], c.extra["fault_size_inch"]) for c in records.conditions]
+        if wanted not in abouts:
+            what = f"no {fault} recording of {options.fault_size_inch:g} in at {options.load_hp} hp"
+            raise TwingapError(what, where=title)
+        record = records[abouts.index(wanted)]
         half = record.samples.size // 2
         for number, part in enumerate(halves):
             condition = replace(record.condition, n_samples=half)
@@ -214,11 +201,9 @@ def halves(work: Work) -> tuple[RecordSet, RecordSet]:
 
 def searches(work: Work) -> Iterator[Search]:
     """Every optimiser on every recording and setting, all with the same evaluations."""
-    for fault in work.options.faults:
-        for setting in work.options.settings:
-            for optimiser in OPTIMISERS:
-                for seed in range(work.size.seeds):
-                    yield Search(fault, setting, optimiser, seed, work.size.evaluations)
+    options, seeds = work.options, range(work.size.seeds)
+    for each in itertools.product(options.faults, options.settings, OPTIMISERS, seeds):
+        yield Search(*each, work.size.evaluations)
 
 
 def fit(work: Work) -> Inputs:
@@ -232,33 +217,28 @@ def both(work: Work) -> Inputs:
 def comparisons(work: Work) -> Iterator[Comparison]:
     """The values given, and of ZOA and differential evolution the run of median cost: neither luck nor bad luck."""
     options, found = work.options, work["searches"]
-    for fault in options.faults:
-        for setting in options.settings:
-            values = _values(options, setting)
-            for optimiser in ("zoa", "differential-evolution"):
-                wanted = (fault, setting, optimiser)
-                runs = [r.value for r in found if (r.job.fault, r.job.setting, r.job.optimiser) == wanted]
-                middle = sorted(runs, key=lambda v: float(v["best"][-1]))[(len(runs) - 1) // 2]
-                values[f"identified, {WORDS[optimiser]}"] = (middle["stiffness"], middle["damping"])
-            for name, (stiffness, damping) in values.items():
-                yield Comparison(fault, setting, name, stiffness, damping, options.window_samples)
+    for fault, setting in itertools.product(options.faults, options.settings):
+        values = _values(options, setting)
+        for optimiser in ("zoa", "differential-evolution"):
+            wanted = (fault, setting, optimiser)
+            runs = [r.value for r in found if (r.job.fault, r.job.setting, r.job.optimiser) == wanted]
+            middle = sorted(runs, key=lambda v: float(v["best"][-1]))[(len(runs) - 1) // 2]
+            values[f"identified, {WORDS[optimiser]}"] = (middle["stiffness"], middle["damping"])
+        for name, (stiffness, damping) in values.items():
+            yield Comparison(fault, setting, name, stiffness, damping, options.window_samples)
 
 
 def machines(work: Work) -> Iterator[Recovery]:
     options = work.options
-    for fault in options.faults:
-        for seed in range(work.size.machines):
-            yield Recovery(
-                fault, seed, options.snr_db, options.machine_stiffness, options.machine_damping,
-                options.machine_duration_s,
-            )  # fmt: skip
+    drawn = (options.snr_db, options.machine_stiffness, options.machine_damping, options.machine_duration_s)
+    for fault, seed in itertools.product(options.faults, range(work.size.machines)):
+        yield Recovery(fault, seed, *drawn)
 
 
 def _values(options: Options, setting: str) -> dict[str, tuple[float, float]]:
     """Stiffness and damping that are not identified, by name."""
-    empirical, printed = (options.empirical[0], options.empirical[1]), (options.printed[0], options.printed[1])
     if setting == "paper":
-        return {"empirical": empirical, "paper preset": printed}
+        return {"empirical": options.empirical, "paper preset": options.printed}
     preset = PRESETS[setting]
     return {f"{setting} preset": (preset.stiffness, preset.damping)}
 

@@ -1,7 +1,119 @@
-"""Declaration of the identification study."""
+"""Identification study, and its tables.
 
-from papers.framework import STYLE_LARGE, Step, Study
-from papers.paper3_zoa_dann.identification import figures, jobs, tables
+searches --> convergence (cost by optimiser);  comparisons --> agreement, drops;  recoveries --> recovery
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from papers.framework import Rows, Step, Study, Work, as_table
+from papers.paper3_zoa_dann.identification import figures, jobs
+from papers.paper3_zoa_dann.identification.agreement import METRICS
+from twingap.sweep import Result
+
+READINGS = ("contact alone", "with noises")
+KINDS = ("waveform", "spectrum")
+
+
+def all_tables(work: Work) -> dict[str, pd.DataFrame]:
+    found = agreement(work["comparisons"])
+    tables = {
+        "identification-convergence": convergence(work["searches"]),
+        "identification-agreement": found,
+        "identification-drops": drops(found, work.options),
+        "identification-recovery": recovery(work["recoveries"], work.options.snr_db),
+    }
+    for table in tables.values():
+        table["data"] = work.title
+    tables["identification-recovery"]["data"] = "simulated machines"
+    return tables
+
+
+@as_table
+def convergence(searches: Sequence[Result[jobs.Search]]) -> Rows:
+    """Cost that each optimiser has reached when its evaluations are spent, over seeds, and how soon it came near.
+
+    ``near`` is the median number of evaluations after which a run is within 1 % of the least cost that any run of any
+    optimiser found; empty when half of the runs never are.
+    """
+    keys = list(dict.fromkeys((r.job.fault, r.job.setting) for r in searches))
+    for fault, setting in keys:
+        here = [r for r in searches if (r.job.fault, r.job.setting) == (fault, setting)]
+        least = min(float(r.value["best"][-1]) for r in here)
+        for optimiser in dict.fromkeys(r.job.optimiser for r in here):
+            runs = [r.value for r in here if r.job.optimiser == optimiser]
+            cost = np.array([float(v["best"][-1]) for v in runs])
+            near = [_first(np.asarray(v["best"]) <= 1.01 * least) for v in runs]
+            k, c = (np.array([v[name] for v in runs]) for name in ("stiffness", "damping"))
+            half = float(np.median(near))
+            yield {
+                "fault": fault, "setting": setting, "optimiser": optimiser, "runs": len(runs),
+                "evaluations": len(runs[0]["best"]), "cost median": np.median(cost), "cost least": cost.min(),
+                "cost most": cost.max(), "near": half if np.isfinite(half) else None,
+                "stiffness median": np.median(k), "stiffness least": k.min(), "stiffness most": k.max(),
+                "damping median": np.median(c), "damping least": c.min(), "damping most": c.max(),
+            }  # fmt: skip
+
+
+@as_table
+def agreement(comparisons: Sequence[Result[jobs.Comparison]]) -> Rows:
+    """Metrics of each twin on the half of the recording that it was not fitted to."""
+    for r in comparisons:
+        for reading in READINGS:
+            metrics = {f"{kind} {m}": r.value[f"{reading}: {kind} {m}"] for kind in KINDS for m in METRICS}
+            yield {
+                "fault": r.job.fault, "setting": r.job.setting, "twin": r.job.twin, "reading": reading,
+                "stiffness": r.job.stiffness, "damping": r.job.damping, "cost": r.value["cost"],
+                "contact share": r.value["contact share"], **metrics,
+            }  # fmt: skip
+
+
+@as_table
+def drops(found: pd.DataFrame, options: jobs.Options) -> Rows:
+    """By how many percent each metric falls from the setting's first twin to the others, mean and range over faults."""
+    for (setting, reading), here in found.groupby(["setting", "reading"], sort=False):
+        first = here["twin"].iloc[0]
+        before = here[here["twin"] == first].set_index("fault")
+        for twin in list(dict.fromkeys(here["twin"]))[1:]:
+            after = here[here["twin"] == twin].set_index("fault")
+            for kind in KINDS:
+                row: dict[str, Any] = {"setting": setting, "reading": reading, "from": first, "to": twin, "of": kind}
+                for metric, published in zip(METRICS, options.published_drops, strict=True):
+                    name = f"{kind} {metric}"
+                    change = 100 * (1 - after[name] / before[name])
+                    row |= {
+                        f"{metric} %": change.mean(), f"{metric} least": change.min(), f"{metric} most": change.max(),
+                        f"{metric} published": published if setting == "paper" else None,
+                    }  # fmt: skip
+                yield row
+
+
+@as_table
+def recovery(recoveries: Sequence[Result[jobs.Recovery]], snr_db: float) -> Rows:
+    """How far identified parameters of simulated machines are off, and how often 90 % intervals hold them."""
+    for fault in dict.fromkeys(r.job.fault for r in recoveries):
+        here = [r.value for r in recoveries if r.job.fault == fault]
+        for name in ("stiffness", "damping"):
+            off = np.abs([v[name] for v in here])
+            inside = [v[f"{name} inside"] for v in here if v[f"{name} inside"] is not None]
+            yield {
+                "fault": fault, "parameter": name, "snr_db": snr_db, "machines": len(here),
+                "median off %": 100 * np.median(off), "most off %": 100 * off.max(),
+                "within 5 %": f"{(off <= 0.05).sum()} of {off.size}",
+                "in 90 % interval": f"{sum(inside)} of {len(inside)}", "without interval": len(here) - len(inside),
+            }  # fmt: skip
+
+
+def _first(true: Any) -> float:
+    """Evaluations until it is true for the first time; infinity when it never is."""
+    at = np.flatnonzero(true)
+    return float(at[0] + 1) if at.size else np.inf
+
 
 STUDY = Study(
     name="identification",
@@ -14,8 +126,8 @@ STUDY = Study(
         Step("comparisons", jobs.compare, jobs.comparisons, jobs.both),
         Step("recoveries", jobs.recover, jobs.machines),
     ),
-    tables=tables.all_tables,
+    tables=all_tables,
     figures=figures.all_figures,
-    style=STYLE_LARGE,
+    letters=(14, 13),
     headlines=("identification-drops", "identification-recovery"),
 )

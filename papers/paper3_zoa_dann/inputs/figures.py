@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.figure import Figure
 
+from papers.figures import LINE_NAMES, subplots
 from papers.framework import Work
 from papers.paper3_zoa_dann.inputs.options import Options
 from papers.paper3_zoa_dann.source import simulate
@@ -16,9 +17,6 @@ from twingap.adapt.views import ORDERS
 
 if TYPE_CHECKING:
     from papers.paper3_zoa_dann.inputs.jobs import TaskResult
-
-LINES: Final = {"inner": "BPFI", "outer": "BPFO", "ball": "2 BSF"}
-"""Name of the line that a fault shows in an envelope spectrum."""
 
 
 def all_figures(work: Work) -> Iterator[tuple[str, Figure]]:
@@ -29,8 +27,7 @@ def spectra(result: TaskResult, options: Options, data: str) -> Figure:
     """Why classes confuse: mean spectra and envelope spectra of simulated and measured windows, class by class."""
     classes = options.target.classes
     source, target = simulate(result.recipe), result.measured.evaluate
-    figure = Figure(figsize=(13.5, 3.0 * len(classes) + 1.2), layout="constrained")
-    panels = np.array(figure.subplots(len(classes), 2, sharex="col", squeeze=False))
+    figure, panels = subplots((13.5, 3.0 * len(classes) + 1.2), len(classes), 2, sharex="col", squeeze=False)
     styles = (("simulated (contact twin)", source, "#0072B2", 2.4), (f"measured ({data})", target, "#D55E00", 1.3))
     for place, name in enumerate(classes):
         for label, windows, colour, width in styles:
@@ -43,7 +40,7 @@ def spectra(result: TaskResult, options: Options, data: str) -> Figure:
             order = result.recipe.bearing.fault_order(name)
             for harmonic in range(1, int(ORDERS[-1] / order) + 1):
                 panels[place, 1].axvline(harmonic * order, color="0.5", ls=":", lw=1.4, zorder=0)
-            panels[place, 1].set_title(f"dotted: {LINES[name]} = {order:.2f} orders, and harmonics")
+            panels[place, 1].set_title(f"dotted: {LINE_NAMES[name]} = {order:.2f} orders, and harmonics")
         panels[place, 0].set_ylabel(f"{name}\nPSD (dB re highest)")
         panels[place, 1].set_ylabel("ln(1 + line / median)\n(no unit)")
     panels[0, 0].set_title("mean power spectral density")

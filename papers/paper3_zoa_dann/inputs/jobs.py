@@ -16,6 +16,7 @@ place of the paper's, which `comparison` has.
 from __future__ import annotations
 
 import dataclasses
+import itertools
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final
@@ -29,9 +30,8 @@ from papers.paper3_zoa_dann.job import Identification, Job, Measured, identified
 from papers.paper3_zoa_dann.source import FREE, Recipe
 from papers.paper3_zoa_dann.tasks import Target, Task, load_target, make_tasks
 from papers.paper3_zoa_dann.yardsticks import analyst, majority
+from twingap import Bearing, TwingapError
 from twingap.adapt import Method, Scores, cut, score
-from twingap.bearing import Bearing
-from twingap.errors import TwingapError
 
 if TYPE_CHECKING:
     from papers.framework import Work
@@ -56,6 +56,14 @@ class TaskResult:
     # analyst_calls, analyst_whole_calls: [windows, classes] what that rule called each, one-hot
     analyst_calls: NDArray[np.float64]
     analyst_whole_calls: NDArray[np.float64]
+
+    @property
+    def cells(self) -> dict[tuple[str, str], list[Result[Job]]]:
+        """The trainings by (input, method), seeds in order."""
+        found: dict[tuple[str, str], list[Result[Job]]] = {}
+        for training in self.trainings:
+            found.setdefault((training.job.view, training.job.method), []).append(training)
+        return found
 
 
 def load(work: Work) -> Target:
@@ -100,29 +108,19 @@ def _measured(task: Task, options: Options, sizes: Profile) -> Measured:
 def _recipe(
     identified: Mapping[str, float], task: Task, options: Options, sizes: Profile, bearing: Bearing, seed: int
 ) -> Recipe:
+    speeds, fs_hz = tuple(sorted({c.speed_rpm for c in task.adapt.conditions})), task.adapt.conditions[0].fs_hz
+    stiffness, damping, white_share = (float(identified[name]) for name in FREE)
     return Recipe(
-        **{name: float(identified[name]) for name in FREE},  # type: ignore[arg-type]
-        speeds_rpm=tuple(sorted({c.speed_rpm for c in task.adapt.conditions})),
-        fs_hz=task.adapt.conditions[0].fs_hz,
-        bearing=bearing,
-        classes=options.target.classes,
-        options=options.source,
-        bearings_per_class=sizes.bearings_per_class,
-        records_per_bearing=sizes.records_per_bearing,
-        window_samples=options.target.window_samples,
-        seed=seed,
-    )
+        stiffness, damping, white_share, speeds, fs_hz, bearing, options.target.classes, options.source,
+        sizes.bearings_per_class, sizes.records_per_bearing, options.target.window_samples, seed,
+    )  # fmt: skip
 
 
 def _jobs(task: Task, recipe: Recipe, options: Options, sizes: Profile, seed: int) -> Iterator[Job]:
     training = dataclasses.replace(options.training, steps=sizes.steps)
     judging = options.judging
-    for view in sizes.inputs:
-        for method in METHODS:
-            for i in range(sizes.seeds):
-                yield Job(
-                    task.name, view, method, seed + i, training, judging.criterion, judging.held_out, recipe,
-                )  # fmt: skip
+    for view, method, i in itertools.product(sizes.inputs, METHODS, range(sizes.seeds)):
+        yield Job(task.name, view, method, seed + i, training, judging.criterion, judging.held_out, recipe)
 
 
 def _yardsticks(task: Task, measured: Measured, options: Options, bearing: Bearing) -> dict[str, Any]:
@@ -149,10 +147,7 @@ def _log_task(log: Run, result: TaskResult) -> None:
         of_task.parameters(dict(result.identified), prefix="identified.")
         of_task.metrics({"majority": result.majority, "analyst": result.analyst.accuracy})
         of_task.data("measured windows", result.measured.digest, role="adapt and evaluate")
-        cells: dict[tuple[str, str], list[Result[Job]]] = {}
-        for training in result.trainings:
-            cells.setdefault((training.job.view, training.job.method), []).append(training)
-        for (view, method), trainings in cells.items():
+        for (view, method), trainings in result.cells.items():
             settings = {"task": result.task.name, "input": view, "method": LABELS[method]}
             values = [t.value["accuracy"][t.value["place"]] for t in trainings]
             log_method(of_task, settings, trainings, "accuracy", values, _log_training)

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, Literal
 
+from papers.options import expect, read
+from twingap import TwingapError
 from twingap.adapt import CRITERIA, VIEWS, Training
-from twingap.config import build, read_toml
 from twingap.effects import catalogue
-from twingap.errors import TwingapError
 
 CONFIG: Final = Path(__file__).with_name("config.toml")
 RANGES: Final = {
@@ -100,13 +99,7 @@ class Options:
 
 
 def read_options(path: Path = CONFIG) -> Options:
-    """Read and check a configuration.
-
-    Raises `TwingapError` naming file, key, value and what was expected.
-    """
-    options = build(Options, read_toml(path), path)
-    check(options, path)
-    return options
+    return read(Options, check, path)
 
 
 def check(options: Options, path: Path) -> None:
@@ -120,17 +113,12 @@ def check(options: Options, path: Path) -> None:
                     f"{list(value)} found, [low, high] with 0 < low < high expected", where=f"{path}: {table}.{name}"
                 )
     for effect in options.source.effects:
-        _known(effect, catalogue(), f"{path}: source.effects")
-    _known(options.judging.criterion, CRITERIA, f"{path}: judging.criterion")
+        expect(effect, catalogue(), f"{path}: source.effects")
+    expect(options.judging.criterion, CRITERIA, f"{path}: judging.criterion")
     for name, profile in options.profiles.items():
+        where = f"{path}: profiles.{name}"
         for view in profile.inputs:
-            _known(view, VIEWS, f"{path}: profiles.{name}.inputs")
-        for field in dataclasses.fields(Profile):
-            value = getattr(profile, field.name)
-            if isinstance(value, int) and value < (0 if field.name == "evaluations" else 1):
-                raise TwingapError(f"{value} found, at least 1 expected", where=f"{path}: profiles.{name}.{field.name}")
-
-
-def _known(value: str, known: Iterable[str], where: str) -> None:
-    if value not in (names := list(known)):
-        raise TwingapError(f"{value!r} found, one of {', '.join(names)} expected", where=where)
+            expect(view, VIEWS, f"{where}.inputs")
+        for field, value in dataclasses.asdict(profile).items():
+            if isinstance(value, int) and value < (0 if field == "evaluations" else 1):
+                raise TwingapError(f"{value} found, at least 1 expected", where=f"{where}.{field}")

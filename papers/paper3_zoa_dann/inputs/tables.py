@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pandas as pd
 
-from papers.framework import Work
+from papers.framework import Rows, Work, as_table
 from papers.intervals import intervals, std
 from papers.paper3_zoa_dann.inputs.jobs import LABELS, TaskResult
 from papers.paper3_zoa_dann.inputs.options import Options
@@ -21,22 +21,13 @@ if TYPE_CHECKING:
 
 def all_tables(work: Work) -> dict[str, pd.DataFrame]:
     results, options, title = work["results"], work.options, work.title
+    told = [{"data": title, "task": r.task.title, **r.identified} for r in results]
     return {
-        "accuracy": pd.DataFrame(accuracy(results, options, title)),
-        "confusion": confusion(results, options, title),
+        "accuracy": pd.DataFrame(accuracy(results, options, title)), "confusion": confusion(results, options, title),
         "recordings": recordings(results, options, title),
-        "adaptation": pd.DataFrame(adaptation(results, options, title)),
-        "selection": selection(results, title),
-        "identification": identification(results, title),
-    }
-
-
-def cells(result: TaskResult) -> dict[tuple[str, str], list[Result[Job]]]:
-    """The trainings of a task by (input, method), seeds in order."""
-    found: dict[tuple[str, str], list[Result[Job]]] = {}
-    for training in result.trainings:
-        found.setdefault((training.job.view, training.job.method), []).append(training)
-    return found
+        "adaptation": pd.DataFrame(adaptation(results, options, title)), "selection": selection(results, title),
+        "identification": pd.DataFrame(told),
+    }  # fmt: skip
 
 
 def accuracy(results: Sequence[TaskResult], options: Options, data: str) -> list[dict[str, Any]]:
@@ -47,11 +38,10 @@ def accuracy(results: Sequence[TaskResult], options: Options, data: str) -> list
     """
     rows = []
     for result in results:
-        for (view, method), trainings in cells(result).items():
+        for (view, method), trainings in result.cells.items():
             rows.append(_row(result, data, view, LABELS[method], trainings, options))
-        rows.append(
-            _row(result, data, "any", f"chosen by {options.judging.criterion}", _chosen(result, options), options)
-        )
+        chosen = f"chosen by {options.judging.criterion}"
+        rows.append(_row(result, data, "any", chosen, _chosen(result, options), options))
         rows.append(_yardstick(result, data, "-", "majority class", result.majority))
         rows.append(_yardstick(result, data, "envelope", "analyst's rule", result.analyst))
         rows.append(_yardstick(result, data, "envelope", "analyst's rule, whole recordings", result.analyst_whole))
@@ -98,7 +88,7 @@ def confusion(results: Sequence[TaskResult], options: Options, data: str) -> pd.
     for result in results:
         counts = {
             (view, LABELS[method]): np.sum([t.value["confusion"] for t in trainings], axis=0)
-            for (view, method), trainings in cells(result).items()
+            for (view, method), trainings in result.cells.items()
         }
         counts["envelope", "analyst's rule"] = result.analyst.confusion
         for (view, method), table in counts.items():
@@ -118,7 +108,7 @@ def recordings(results: Sequence[TaskResult], options: Options, data: str) -> pd
         called = {
             (view, LABELS[method]): [np.concatenate([t.value["probabilities"][groups == c.group] for t in trainings])
                                      for c in conditions]
-            for (view, method), trainings in cells(result).items()
+            for (view, method), trainings in result.cells.items()
         }  # fmt: skip
         called["envelope", "analyst's rule"] = [result.analyst_calls[groups == c.group] for c in conditions]
         called["envelope", "analyst's rule, whole recordings"] = [row[None] for row in result.analyst_whole_calls]
@@ -134,19 +124,18 @@ def recordings(results: Sequence[TaskResult], options: Options, data: str) -> pd
     return pd.DataFrame(rows)
 
 
-def selection(results: Sequence[TaskResult], data: str) -> pd.DataFrame:
+@as_table
+def selection(results: Sequence[TaskResult], data: str) -> Rows:
     """Accuracy by the criterion that chose the checkpoint, mean over seeds; the last and the oracle beside them."""
-    rows = []
     for result in results:
-        for (view, method), trainings in cells(result).items():
+        for (view, method), trainings in result.cells.items():
             values = [t.value for t in trainings]
-            rows.append({
+            yield {
                 "data": data, "task": result.task.title, "input": view, "method": LABELS[method],
                 **{name: np.mean([v["accuracy"][v["chosen"][name]] for v in values]) for name in values[0]["chosen"]},
                 "last checkpoint": np.mean([v["accuracy"][-1] for v in values]),
                 "oracle (target labels)": np.mean([max(v["accuracy"]) for v in values]),
-            })  # fmt: skip
-    return pd.DataFrame(rows)
+            }  # fmt: skip
 
 
 def adaptation(results: Sequence[TaskResult], options: Options, data: str) -> list[dict[str, Any]]:
@@ -155,10 +144,10 @@ def adaptation(results: Sequence[TaskResult], options: Options, data: str) -> li
     ``domain_accuracy`` is the discriminator's in the end; 0.5 is a domain that it can no longer tell.
     """
     rows = []
-    for view in dict.fromkeys(view for result in results for view, _ in cells(result)):
+    for view in dict.fromkeys(view for result in results for view, _ in result.cells):
         gains, told = [], []
         for result in results:
-            by_method = {method: trainings for (v, method), trainings in cells(result).items() if v == view}
+            by_method = {method: trainings for (v, method), trainings in result.cells.items() if v == view}
             plain, adapted = ([t.value["accuracy"][t.value["place"]] for t in by_method[m]] for m in LABELS)
             gains.append(np.subtract(adapted, plain))
             told += [t.value["domain_accuracy"][-1] for t in by_method["dann"]]
@@ -167,8 +156,3 @@ def adaptation(results: Sequence[TaskResult], options: Options, data: str) -> li
         row |= intervals(of_seeds, options.judging.levels)
         rows.append(row | {"domain_accuracy": float(np.mean(told))})
     return rows
-
-
-def identification(results: Sequence[TaskResult], data: str) -> pd.DataFrame:
-    """What was identified from the unlabelled recordings of each task."""
-    return pd.DataFrame([{"data": data, "task": r.task.title, **r.identified} for r in results])

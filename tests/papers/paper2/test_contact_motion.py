@@ -12,9 +12,8 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 from scipy.optimize import root
 
-from papers.paper2_digital_twin.dynamics.contact_motion import motions
+from papers.paper2_digital_twin.dynamics.contact_motion import motion_of
 from twingap.bearing import BEARINGS
-from twingap.errors import TwingapError
 from twingap.records import Condition
 from twingap.twins.contact_dynamics import Job, low_pass
 from twingap.twins.contact_kernel import LANES, integrate
@@ -66,7 +65,7 @@ def energy(own: ContactParameters, state: Array, cage: Array) -> Array:
 
 def test_seen_sample_by_sample_it_is_the_same_trajectory_to_the_bit() -> None:
     one = job(QUIET, 60, "outer", cage=0.23)
-    (motion,) = motions([one], steps=8)
+    motion = motion_of(one, steps=8)
     turns, cage = one.turns + one.starts[0], one.bearing.ftf * one.turns + one.starts[1]
     state = np.zeros((1, 4, LANES))
     rows = np.tile(np.array(one.rows(8))[None, :, None], (1, 1, LANES))
@@ -74,7 +73,7 @@ def test_seen_sample_by_sample_it_is_the_same_trajectory_to_the_bit() -> None:
         9, state, np.tile(turns[None, :, None], (1, 1, LANES)), np.tile(cage[None, :, None], (1, 1, LANES)), rows,
         *low_pass(8), np.empty((1, 60 - 35, LANES)),
     )  # fmt: skip
-    seen = np.array([motion.x_m, motion.y_m, motion.vx_m_s, motion.vy_m_s])[:, -1]
+    seen = motion.state[:, -1]
     np.testing.assert_array_equal(seen, state[0, :, 0])
     assert seen.any()
 
@@ -87,18 +86,18 @@ def test_a_standing_bearing_settles_where_the_static_hertz_equations_say(
     own = replace(QUIET, contact=contact, clearance_um=clearance, load_x_n=load_x, damping=2500.0)
     if contact == "line":
         own = replace(own, stiffness=2e8)
-    (motion,) = motions([job(own, 1600, cage=cage, turning=False)])
+    motion = motion_of(job(own, 1600, cage=cage, turning=False))
     np.testing.assert_allclose(
-        [1e6 * motion.x_m[-1], 1e6 * motion.y_m[-1]], rest(own, cage), rtol=1e-6, atol=1e-6
+        [1e6 * motion.state[0, -1], 1e6 * motion.state[1, -1]], rest(own, cage), rtol=1e-6, atol=1e-6
     )  # fmt: skip
-    assert abs(motion.vx_m_s[-1]) + abs(motion.vy_m_s[-1]) < 1e-8
+    assert abs(motion.state[2, -1]) + abs(motion.state[3, -1]) < 1e-8
 
 
 def test_stribeck_load_of_the_lowest_roller_without_clearance() -> None:
     """4.37 F / Z, Stribeck's number for balls without clearance (Harris, Rolling Bearing Analysis)."""
     own = replace(QUIET, clearance_um=0.0, damping=2500.0)
-    (motion,) = motions([job(own, 1600, cage=0.25, turning=False)])  # a roller straight under the load
-    delta, _, _ = contact_forces(own, motion.x_m[-1], motion.y_m[-1], 0.25)
+    motion = motion_of(job(own, 1600, cage=0.25, turning=False))  # a roller straight under the load
+    delta, _, _ = contact_forces(own, motion.state[0, -1], motion.state[1, -1], 0.25)
     assert own.stiffness * delta.max() ** 1.5 == pytest.approx(4.37 * own.load_n / 9, rel=0.02)
 
 
@@ -106,22 +105,22 @@ def test_without_damping_energy_stays_and_the_error_falls_with_the_fourth_power_
     own = replace(TIGHT, damping=0.0)
     lost = []
     for steps in (2, 4):
-        (motion,) = motions([job(own, 400, turning=False, cage=0.03)], steps=steps)
-        state = np.array([motion.x_m, motion.y_m, motion.vx_m_s, motion.vy_m_s])
+        motion = motion_of(job(own, 400, turning=False, cage=0.03), steps=steps)
+        state = motion.state
         total = energy(own, state, motion.cage_turns)
-        swing = 0.5 * own.mass_kg * float((motion.vx_m_s**2 + motion.vy_m_s**2).max())
+        swing = 0.5 * own.mass_kg * float((motion.state[2] ** 2 + motion.state[3] ** 2).max())
         lost.append(float(np.abs(total - total[0]).max()) / swing)
     assert lost[0] < 0.02 and lost[0] > 14 * lost[1]
 
 
 def test_energy_lost_is_what_damping_takes_and_energy_gained_what_the_cage_brings() -> None:
-    (motion,) = motions([job(TIGHT, 3000, cage=0.03)], steps=8)
-    state = np.array([motion.x_m, motion.y_m, motion.vx_m_s, motion.vy_m_s])
+    motion = motion_of(job(TIGHT, 3000, cage=0.03), steps=8)
+    state = motion.state
     total = energy(TIGHT, state, motion.cage_turns)
-    taken = TIGHT.damping * (motion.vx_m_s**2 + motion.vy_m_s**2)
+    taken = TIGHT.damping * (motion.state[2] ** 2 + motion.state[3] ** 2)
     rate = 2 * math.pi * BEARING.ftf * SPEED_RPM / 60
     brought = []
-    for x, y, at in zip(motion.x_m, motion.y_m, motion.cage_turns, strict=True):
+    for x, y, at in zip(motion.state[0], motion.state[1], motion.cage_turns, strict=True):
         delta, c, s = contact_forces(TIGHT, x, y, at)
         brought.append(float(TIGHT.stiffness * (delta**1.5) @ (-x * s + y * c)) * rate)
     step = 0.5 / FS_HZ
@@ -133,14 +132,14 @@ def test_energy_lost_is_what_damping_takes_and_energy_gained_what_the_cage_bring
     # Settled: over whole roller passes as much is brought as taken, and the ring is where the static solution is.
     late = slice(1500, None)
     still = [rest(TIGHT, at) for at in motion.cage_turns[late][::100]]
-    np.testing.assert_allclose(1e6 * motion.y_m[late][::100], [v[1] for v in still], atol=0.02)
+    np.testing.assert_allclose(1e6 * motion.state[1, late][::100], [v[1] for v in still], atol=0.02)
 
 
 @pytest.mark.parametrize("fault", ["healthy", "outer"])
 def test_scipy_gets_the_same_motion_from_equations_written_anew(fault: str) -> None:
     samples, own = 240, replace(QUIET, damping=900.0)
     one = job(own, samples, fault, cage=0.22)
-    (motion,) = motions([one], steps=32)
+    motion = motion_of(one, steps=32)
     passes = BEARING.n_rollers * 90 / 360
 
     def depth(cage: float) -> Array:
@@ -161,12 +160,5 @@ def test_scipy_gets_the_same_motion_from_equations_written_anew(fault: str) -> N
     end = (samples - 1) / FS_HZ
     theirs = solve_ivp(slope, (0, end), np.zeros(4), "DOP853", rtol=1e-10, atol=1e-13, t_eval=motion.t_s, max_step=2e-5)
     scale = np.abs(theirs.y).max(axis=1)
-    ours = np.array([motion.x_m, motion.y_m, motion.vx_m_s, motion.vy_m_s])
+    ours = motion.state
     assert (np.abs(ours - theirs.y).max(axis=1) < 1e-4 * scale).all()
-
-
-def test_what_jobs_must_share_and_odd_steps_are_refused() -> None:
-    with pytest.raises(TwingapError, match="2 kinds of jobs"):
-        motions([job(QUIET, 10), job(QUIET, 12)])
-    with pytest.raises(TwingapError, match="steps = 3"):
-        motions([job(QUIET, 10)], steps=3)

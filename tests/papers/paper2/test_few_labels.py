@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from papers.paper2_digital_twin.methods.choose import Thresholds, choose
-from papers.paper2_digital_twin.methods.class_maps import fit_class_maps
 from papers.paper2_digital_twin.methods.few_labels import fit_few_labels
-from papers.paper2_digital_twin.methods.severity import MapOptions
+from papers.paper2_digital_twin.methods.severity import MapOptions, fit_class_maps
 from twingap.errors import TwingapError
 
 

@@ -11,7 +11,7 @@ from papers.paper2_digital_twin.methods.inception import (
     InceptionNet,
     InceptionTraining,
     evidence,
-    predict,
+    outputs,
     train_inception,
 )
 from twingap.adapt.selection import source_accuracy
@@ -37,7 +37,7 @@ def learnt() -> tuple[np.ndarray, np.ndarray, list[dict[str, torch.Tensor]]]:
 
 def test_it_tells_lines_apart_on_carriers_it_never_saw_them_on(learnt) -> None:  # type: ignore[no-untyped-def]
     x, y = lines(90, np.random.default_rng(5))
-    told = predict(learnt[2][-1], x, 3, QUICK)
+    told = outputs(learnt[2][-1], x, 3, QUICK).probabilities
     assert told.shape == (90, 3)
     np.testing.assert_allclose(told.sum(axis=1), 1, atol=1e-6)
     assert (told.argmax(axis=1) == y).mean() > 0.9
@@ -55,7 +55,7 @@ def test_same_seed_same_bytes_and_another_differs(learnt) -> None:  # type: igno
 def test_evidence_is_the_networks_own_word(learnt) -> None:  # type: ignore[no-untyped-def]
     x, y, states = learnt
     (seen,) = evidence(states[-1:], x, y, x[:7], 3, QUICK)
-    np.testing.assert_allclose(seen.target.probabilities, predict(states[-1], x[:7], 3, QUICK))
+    np.testing.assert_allclose(seen.target.probabilities, outputs(states[-1], x[:7], 3, QUICK).probabilities)
     assert source_accuracy(seen) > 0.9
 
 

@@ -87,10 +87,3 @@ def test_features_are_scaled_by_the_reference_and_labels_of_it_do_not_matter(rng
     np.testing.assert_allclose(plain, scaled, atol=1e-5)
     level = np.concatenate((x, np.ones((15, 1))), axis=1)  # a feature that says nothing is no reason to fail
     assert np.isfinite(fit_residual_head(np.zeros((15, 3)), level, y, level).weights).all()
-
-
-def test_wrong_use_is_refused() -> None:
-    with pytest.raises(ValueError, match="as many of each expected"):
-        fit_residual_head(np.zeros((2, 3)), np.zeros((3, 2)), np.array([0, 1, 2]), np.zeros((3, 2)))
-    with pytest.raises(ValueError, match="length and variance above 0"):
-        HeadOptions(length=0.0)

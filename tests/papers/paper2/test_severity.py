@@ -68,8 +68,8 @@ def test_a_whole_map_keeps_its_false_alarm_rate_and_sees_a_fault() -> None:
     rates, seen = [], []
     for _ in range(12):
         own = healthy_map(healthy(120, rng), np.repeat(["a", "b", "c"], 40), 0.05, rng, MapOptions(side=4, epochs=4))
-        rates.append(own.alarms(healthy(300, rng)).mean())
-        seen.append(own.recording_alarms(healthy(30, rng) * np.array([3.0, 1, 1, 3.0, 1])))
+        rates.append(np.mean(own.mqe(healthy(300, rng)) > own.threshold))
+        seen.append(np.mean(own.mqe(healthy(30, rng) * np.array([3.0, 1, 1, 3.0, 1])) > own.threshold) > 0.5)
     assert np.mean(rates) < 0.07
     assert all(seen)
 

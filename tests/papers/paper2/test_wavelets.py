@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from papers.paper2_digital_twin.methods.wavelets import scalogram
+from papers.paper2_digital_twin.methods.scalograms import scalogram
 from twingap.errors import TwingapError
 
 FS_HZ = 8000.0

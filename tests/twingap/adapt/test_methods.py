@@ -1,4 +1,4 @@
-"""The nine methods: one loop, seeds, no labels from the target, the cache of modes, noise, judging."""
+"""The nine methods: one loop, seeds, no labels from the target, the cache of modes, judging."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 import torch
 
-from papers.paper3_zoa_dann.comparison.noise import with_noise
 from twingap.adapt import (
     CRITERIA,
     METHODS,
@@ -259,25 +258,6 @@ def test_variations_shift_and_flip_whole_samples() -> None:
             assert len(matches) == 1
             seen |= set(matches)
     assert len(seen) == 16
-
-
-# -- noise ------------------------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("snr_db", [-5.0, 10.0])
-def test_noise_has_the_stated_ratio_in_each_recording(snr_db: float) -> None:
-    rng = np.random.default_rng(0)
-    level = np.repeat([0.1, 5.0], 40)
-    x = level[:, None] * rng.standard_normal((80, 512)) + 3.0
-    windows = Windows(x, np.full(80, 12e3), np.full(80, 1800.0), np.repeat(["a", "b"], 40), None)
-    noisy = with_noise(windows, snr_db, np.random.default_rng(1))
-    noise = noisy.samples - x
-    for part in (slice(0, 40), slice(40, 80)):
-        ratio = 10 * np.log10(x[part].var() / noise[part].var())
-        assert ratio == pytest.approx(snr_db, abs=0.15)
-    assert abs(np.mean(noise[:, 1:] * noise[:, :-1])) < 0.02 * noise.var(), "white"
-    assert np.array_equal(with_noise(windows, snr_db, np.random.default_rng(1)).samples, noisy.samples)
-    assert np.array_equal(with_noise(windows, np.inf, rng).samples, x)
 
 
 # -- support vector machine -------------------------------------------------------------------------------------------
