@@ -262,6 +262,7 @@ def test_a_second_run_takes_all_from_the_store(study: Work, folder: Path, config
         ('data = ["cwru", "hit_sm"]', 'data = ["ims"]', "data"),
         ("pooled = [1, 3, 6]", "pooled = [6, 1]", "pooled"),
         ("folds = 3", "folds = 1", "folds"),
+        ("length = 0.5", "length = 0.0", "head: length"),
     ],
 )
 def test_a_wrong_entry_is_refused_in_one_line(tmp_path: Path, old: str, new: str, message: str) -> None:

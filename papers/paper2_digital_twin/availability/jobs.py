@@ -81,6 +81,8 @@ def check(options: Options, path: Path) -> None:
         expect(name, TITLES, f"{path}: data")
     if options.folds < 2 or any(count < 1 for count in options.counts):
         raise TwingapError("two folds or more and counts of 1 or more expected", where=path)
+    if options.head.length <= 0 or options.head.variance <= 0 or options.head.trust < 0:
+        raise TwingapError("length and variance above 0, trust of 0 or more expected", where=f"{path}: head")
     if max(options.source.pooled) != options.source.pooled[-1]:
         raise TwingapError(f"source.pooled = {list(options.source.pooled)}, rising numbers expected", where=path)
 
