@@ -62,9 +62,9 @@ report.where[["domain", "lo", "hi", "unit", "share", "p_value"]].head(5).round(3
 # Which effect is missing
 # -----------------------
 #
-# ``probability`` says that the machine has the effect and the twin lacks it. ``closure`` says what adding it alone
-# closes, on records that were not used to fit it. The two differ: an effect may be there without doubt and close
-# little.
+# ``probability`` says that the machine has the effect and the twin lacks it. ``closure`` says what the effect closes
+# beside the verdict's other ones, on records that were not used to fit it. The two differ: an effect may be there
+# without doubt and close little.
 
 report.which[["effect", "probability", "closure", "closure_lo", "closure_hi"]].head(
     5

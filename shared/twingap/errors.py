@@ -47,8 +47,9 @@ def one_of(wrong: str, known: Iterable[str], kind: str) -> str:
     """
     names = list(known)
     swapped = [name for name in names if sorted(name.lower()) == sorted(wrong.lower())]
-    likely = swapped or difflib.get_close_matches(wrong, names, n=1)
+    parts = [name for name in names if wrong and wrong.lower() in name.lower()]
+    likely = swapped or (parts if len(parts) < _MANY else []) or difflib.get_close_matches(wrong, names, n=1)
+    meant = f"did you mean {' or '.join(map(repr, likely))}? " if likely else ""
     if likely and len(names) > _MANY:
-        return f"did you mean {likely[0]!r}? {len(names)} {kind} are known"
-    meant = f"did you mean {likely[0]!r}? " if likely else ""
+        return f"{meant}{len(names)} {kind} are known"
     return f"{meant}known {kind}: {', '.join(names)}"

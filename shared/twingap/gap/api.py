@@ -70,7 +70,7 @@ _OTHER_LEVEL: Final = 0.02
 """Log ratio of levels above which a note reports the change of level with the effects. A smaller value adds notes."""
 AT_FLOOR: Final = 0.9
 """Closure from which a gap is explained, whatever remains. A larger value leaves more gaps partly explained."""
-_MOST: Final = 0.5
+_MOST: Final = 0.7
 """Closure that the upper end of its interval has to reach for a gap without a significant rest to be explained. A
 larger value leaves more gaps partly explained whose effects are right and whose values are not."""
 _NAMING: Final = ("explained", "partly_explained")

@@ -20,6 +20,8 @@ UNKNOWN: Final = "unknown"
 
 _SAME: Final = 0.004
 """Relative distance up to which two places are one. A larger value names more lines, and more of them by chance."""
+_AT_ONCE: Final = 0.015
+"""Distance from once a turn up to which a line is that: nothing else turns so nearly at the shaft's rate."""
 _MOST_MULTIPLES: Final = 20
 """Largest multiple of a rate that is named after it: higher ones lie near something by chance."""
 _FEWEST: Final = 3
@@ -42,7 +44,7 @@ def named_lines(effect: LineSpectrum, bearing: Bearing, shaft_hz: float) -> Mapp
         out.setdefault(MAINS if mains else DRIVE if _paired(place, effect, shaft_hz) else UNKNOWN, []).append(place)
     left = []
     for place in effect.orders:
-        if _multiple(place, 1.0):
+        if _multiple(place, 1.0) or abs(place - 1) < _AT_ONCE:
             out.setdefault(SHAFT, []).append(place)
         elif any(_multiple(place, order) for order in _orders(bearing)):
             out.setdefault(OWN_BEARING, []).append(place)

@@ -82,7 +82,8 @@ def open_pool(backend: str, address: str | None, n_jobs: int | None, threads: in
     import joblib
 
     count = n_jobs or joblib.cpu_count()
-    if backend == "loky" and count > 1:
+    # Without shared memory, as in some containers, joblib has no processes, and says so.
+    if backend == "loky" and count > 1 and "loky" in joblib.parallel.BACKENDS:
         with joblib.parallel_config(backend="loky", n_jobs=count, inner_max_num_threads=threads):
             yield Pool("loky", Inside(leader=os.getpid()))
         return

@@ -28,6 +28,12 @@ def test_known_rates_name_their_multiples() -> None:
     assert sorted(found[UNKNOWN]) == [11.37, 777.0]
 
 
+def test_a_line_nearly_once_a_turn_is_the_shafts() -> None:
+    """Speeds have errors, and a record of a second resolves a hertz."""
+    found = named_lines(lines(orders=(0.992, 3.04)), BEARING, 22.0)
+    assert found[SHAFT] == (0.992,) and found[UNKNOWN] == (3.04,)
+
+
 def test_another_bearing_needs_its_first_line_and_two_more() -> None:
     other = BEARINGS["6203"].fault_order("inner")
     family = tuple(k * other for k in (1, 2, 3))

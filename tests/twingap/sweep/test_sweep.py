@@ -15,6 +15,7 @@ import time
 from pathlib import Path
 from typing import Any
 
+import joblib
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -56,6 +57,13 @@ def test_every_backend_gives_the_same_in_job_order(jobs: Any, backend: str, tmp_
     results = sweep(jobs.draw, todo, store=tmp_path / "Prüf stand", backend=backend, n_jobs=2)
     assert [r.job for r in results] == todo
     assert all(same(r.value, {**jobs.draw(r.job), "pair": [r.job.seed, "ü"]}) for r in results)
+
+
+def test_without_shared_memory_one_process_does_all(jobs: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Then joblib has no processes."""
+    monkeypatch.delitem(joblib.parallel.BACKENDS, "loky")
+    todo = [jobs.Draw(seed) for seed in range(3)]
+    assert [r.job for r in sweep(jobs.draw, todo, n_jobs=2)] == todo
 
 
 def test_what_is_stored_is_not_computed_again(jobs: Any, tmp_path: Path) -> None:

@@ -30,6 +30,8 @@ _LEVEL_ADVICE: Final = (
 )
 _UNDETERMINED: Final = 4.0
 """Ratio of the ends of a value's interval above which it is not determined. A smaller ratio warns of more values."""
+_UNDETERMINED_HZ: Final = 2.0
+"""The same for a frequency, of which the range of records is a few octaves."""
 _SMALL_P: Final = 0.05
 """P-value below which a single test is mentioned beside a verdict of no gap."""
 
@@ -117,7 +119,7 @@ def _add(report: GapReport, added: Iterable[Candidate]) -> str:
     check = ""
     if loose:
         those = " and ".join(loose) if len(loose) < 3 else f"{len(loose)} of these values, marked below"
-        check = f" The records do not determine {those}: compare the figures before you rely on them."
+        check = f" The records do not determine {those}: commented out, as below, the next diagnosis fits them again."
     return (
         f"Add {listed(c.effect for c in plain)} to your twin: in its file replace the table [twin] by that below, and "
         f"append the others. {lists + ' ' if lists else ''}Then run the diagnosis again; the gap as a whole should "
@@ -248,7 +250,8 @@ def snippet(report: GapReport) -> str | None:
 
 
 def _with_intervals(text: str, added: Iterable[Candidate]) -> str:
-    """The lines of a twin file, with the interval of each fitted value as a comment."""
+    """The lines of a twin file, with the interval of each fitted value as a comment; undetermined values commented out,
+    so that the next diagnosis fits them."""
     of = {f"[parameters.{c.effect}]": c.parameters for c in added}
     lines: list[str] = []
     table: Mapping[str, ParameterValue] = {}
@@ -256,15 +259,16 @@ def _with_intervals(text: str, added: Iterable[Candidate]) -> str:
         table = of.get(line, {}) if line.startswith("[") else table
         own = table.get(line.partition(" = ")[0])
         if own is not None and own.ci is not None and own.ci[0] < own.ci[1] and not line.endswith(("true", "false")):
-            mark = "not determined: " if _undetermined(own) else ""
-            line += f"  # {mark}{own.ci[0]:.4g} to {own.ci[1]:.4g}"
+            ends = f"{own.ci[0]:.4g} to {own.ci[1]:.4g}"
+            line = f"# {line}  # not determined: {ends}" if _undetermined(own) else f"{line}  # {ends}"
         lines.append(line)
     return "\n".join(lines) + "\n" * text.endswith("\n")
 
 
 def _undetermined(value: ParameterValue) -> bool:
     """Whether the interval of a value is so wide that the records do not determine it."""
-    return value.ci is not None and 0 < _UNDETERMINED * value.ci[0] < value.ci[1]
+    ratio = _UNDETERMINED_HZ if value.unit == "Hz" else _UNDETERMINED
+    return value.ci is not None and 0 < ratio * value.ci[0] < value.ci[1]
 
 
 def place_words(place: Place) -> str:

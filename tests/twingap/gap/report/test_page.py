@@ -383,13 +383,14 @@ def test_an_effect_of_the_users_own_that_is_not_confirmed_is_remarked(make_repor
 
 
 def test_values_that_the_records_do_not_determine_are_marked_and_counted(make_report: MakeReport) -> None:
-    loose, tight = ParameterValue(824.0, "Hz", (272.0, 6144.0)), ParameterValue(0.5, "", (0.4, 0.6))
+    loose, tight = ParameterValue(824.0, "Hz", (672.0, 1444.0)), ParameterValue(0.5, "", (0.2, 0.7))
     candidate = Candidate("second_resonance", 0.9, 1, 0.5, 0.5, (0, 1), {"frequency_hz": loose, "gain": tight})
     verdict = Verdict("explained", ("second_resonance",), (), 0.01, 0.5, (0.4, 0.6))
     report = dataclasses.replace(make_report(), verdict=verdict, candidates=(candidate,))
     lines = (snippet(report) or "").splitlines()
-    assert "frequency_hz = 824.0  # not determined: 272 to 6144" in lines and "gain = 0.5  # 0.4 to 0.6" in lines
+    assert "# frequency_hz = 824.0  # not determined: 672 to 1444" in lines and "gain = 0.5  # 0.2 to 0.7" in lines
     assert "do not determine `second_resonance.frequency_hz`:" in next_steps(report)[0]
+    assert "\nfrequency_hz" not in (snippet(report) or "")
 
 
 def test_a_closest_twin_that_closes_no_more_is_said_to(make_report: MakeReport) -> None:
