@@ -147,7 +147,7 @@ def _closest(report: GapReport) -> str:
     """Advice on the closest twin, from the accuracy of a classifier trained on it."""
     found = report.closest
     if not found.attribution and found.twin:
-        return f"No effect, path, lines or background bring the twin clearly closer: `{found.twin}` is the verdict's."
+        return f"Nothing in the catalogue brings the twin clearly closer: `{found.twin}` is the verdict's twin."
     if not found.attribution:
         return (
             "If a twin for training matters more than names, let the diagnosis find the closest one: leave out "
