@@ -123,9 +123,11 @@ def public(
     parts: Annotated[
         str,
         typer.Option(
-            "--parts", metavar="NAMES", help="Parts, separated by commas: verdicts; closest (twins, stated splits)."
+            "--parts",
+            metavar="NAMES",
+            help="Parts, separated by commas: verdicts; closest (twins, stated splits); filtered (a path added).",
         ),
-    ] = "verdicts,closest",
+    ] = "verdicts,closest,filtered",
     effects: Effects = None,
     seed: Seed = 0,
     jobs: Jobs = None,
@@ -136,9 +138,10 @@ def public(
     json: Json = False,
 ) -> None:
     """Diagnose public records: what each paper's twin lacks, effects withheld or added, single recordings; and judge
-    the closest twin on recordings and bearings that it has not seen."""
+    the closest twin on recordings and bearings that it has not seen, and a path on records through a drawn filter."""
     from twingap.study.public import Plan, run_public
     from twingap.study.public_closest_report import closure_rows
+    from twingap.study.public_filter import filter_rows
     from twingap.study.public_report import twin_rows, write_public
     from twingap.study.runner import command_line
     from twingap.study.tracking import track_public
@@ -160,11 +163,13 @@ def public(
     paths = write_public(table, out)
     tracking.log(lambda tracker: track_public(tracker, table, paths))
     if json:
-        say_json([*table["twins"], *table["closest"]])
+        say_json([*table["twins"], *table["closest"], *table["filtered"]])
     else:
         if table["twins"]:
             show(twin_rows(table), False, "what each twin lacks")
         if table["closest"]:
             show(closure_rows(table["closest"]), False, "what the closest twin closes")
+        if table["filtered"]:
+            show(filter_rows(table["filtered"]), False, "records through a filter")
         say(*(f"note: {name} is left out: {why}" for name, why in table["skipped"].items()))
     wrote(*paths, as_json=json)

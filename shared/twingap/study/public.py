@@ -3,7 +3,8 @@
 sets --twins--> verdicts --the best twin, an effect withheld--> named again?
      --halves, an effect injected or none--> named? false alarms?
      --each recording alone--> compared with the literature
-     --stated splits--> closest twin: closure, what it teaches a classifier      all --> public.json, public.md
+     --stated splits--> closest twin: closure, what it teaches a classifier
+     --halves, one through a drawn filter--> path named, gain recovered?      all --> public.json, public.md
 """
 
 from __future__ import annotations
@@ -29,8 +30,10 @@ from twingap.study.sweeps import swept
 
 SCHEMA: Final = "twingap.public/1"
 SETS: Final = ("cwru", "hit_sm")
-PARTS: Final = ("verdicts", "closest")
-"""Parts of the study: verdicts on records, and the closest twin under stated splits."""
+PARTS: Final = ("verdicts", "closest", "filtered")
+"""Parts of the study: verdicts on records, the closest twin under stated splits, records through a drawn filter."""
+FILTERS: Final = 3
+"""Halvings of each set, each with a filter of its own."""
 SEARCHED: Final = ("bare", "paper1")
 """Twins from which effects are withheld; the contact twin is not one, as its effects follow from its physics."""
 
@@ -115,6 +118,9 @@ def run_public(
     if "closest" in plan.parts:
         work = [j for name in held for j in _closest_jobs(plan, name, root)]
         results |= zip(work, run(work, "closest twins"), strict=True)
+    if "filtered" in plan.parts:
+        work = [j for name in held for j in _filtered_jobs(plan, name)]
+        results |= zip(work, run(work, "filtered records"), strict=True)
     twins = {(j.data_set, j.twin): row for j, row in results.items() if j.kind == "twin"}
     table: dict[str, Any] = {
         "schema": SCHEMA,
@@ -131,6 +137,7 @@ def run_public(
         "nothing": nothing_rows(results),
         "single": single_rows(results),
         "closest": closest_rows(results),
+        "filtered": [{"set": j.data_set, **row} for j, row in results.items() if j.kind == "filtered"],
         "documented": [
             {"finding": d.finding, "recordings": list(d.recordings), "shows": d.shows, "source": d.source}
             for d in DOCUMENTED
@@ -167,11 +174,11 @@ def _digests(held: Mapping[str, PublicSet]) -> tuple[str, dict[str, str]]:
     import twingap.signal
     import twingap.twins
     from twingap.gap.knowledge import shipped_digest
-    from twingap.study import public_closest, public_indicators, public_jobs, public_sets
+    from twingap.study import public_closest, public_filter, public_indicators, public_jobs, public_sets
 
     code = digest_of_code(
         twingap.effects, twingap.gap, twingap.identification, twingap.signal, twingap.twins, public_closest,
-        public_indicators, public_jobs, public_sets,
+        public_filter, public_indicators, public_jobs, public_sets,
     )  # fmt: skip
     return code, {"learnt": shipped_digest(), **{name: own.records.digest for name, own in held.items()}}
 
@@ -226,6 +233,14 @@ def _closest_jobs(plan: Plan, name: str, root: str | None) -> list[PublicJob]:
         for alone in (False, True)
         for place, split in enumerate(stated)
         if not (alone and split.new_bearings)
+    ]
+
+
+def _filtered_jobs(plan: Plan, name: str) -> list[PublicJob]:
+    """Halvings of a set, one half of each through a filter."""
+    return [
+        PublicJob("filtered", name, "bare", plan.seed, plan.single_pieces or plan.pieces, split=split)
+        for split in range(FILTERS)
     ]
 
 

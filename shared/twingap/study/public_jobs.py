@@ -37,11 +37,12 @@ from twingap.records import Record, RecordSet
 from twingap.streams import Streams
 from twingap.study.public_closest import PIECE_S as CLOSEST_S
 from twingap.study.public_closest import closest_row, splits
+from twingap.study.public_filter import filter_row
 from twingap.study.public_sets import PIECE_S, bearing_of, halves, public_set
 from twingap.twins.phenomenological import paper1_chain
 from twingap.twins.twin_file import TwinSpec
 
-Kind = Literal["twin", "withheld", "injected", "nothing", "recording", "looks", "closest"]
+Kind = Literal["twin", "withheld", "injected", "nothing", "recording", "looks", "closest", "filtered"]
 ACCURACY: Final = "accuracy on the records"
 """Beginning of the name of the accuracy metric in the report: of a classifier trained on the twin alone."""
 TWINS: Final[Mapping[str, str]] = {
@@ -70,7 +71,8 @@ class PublicJob:
     "twin": records against a twin; "withheld": against the twin with the effects of `chain` except `effect`; "injected"
     and "nothing": one half of the records, with or without `effect` added, against the other half; "recording": one
     recording against the others of its bearing; "looks": plain indicators of every recording; "closest": the closest
-    twin of one part of the records, judged on the other.
+    twin of one part of the records, judged on the other; "filtered": one half, through a drawn filter, against the
+    other half.
     """
 
     kind: Kind
@@ -87,7 +89,7 @@ class PublicJob:
     @property
     def description(self) -> str:
         """Description of the job, for progress and errors."""
-        has_split = self.kind in ("injected", "nothing", "closest")
+        has_split = self.kind in ("injected", "nothing", "closest", "filtered")
         more = [self.effect or self.recording, f"split {self.split}" if has_split else ""]
         more += ["with detectors alone"] * self.detectors_alone
         return " ".join(filter(None, (self.kind, self.data_set, self.twin, *more)))
@@ -144,7 +146,7 @@ def run_job(job: PublicJob, root: str | None = None) -> dict[str, Any]:
     if job.kind == "closest":
         split = splits(records)[job.split]
         return {**about, **closest_row(records, spec, rng, split, detectors_alone=job.detectors_alone)}
-    if job.kind in ("injected", "nothing"):
+    if job.kind in ("injected", "nothing", "filtered"):
         return {**about, **_against_itself(job, records, spec, rng)}
     if job.kind == "recording":
         return {**about, **_against_same_bearing(job.recording, records, spec, rng)}
@@ -236,6 +238,8 @@ def _against_itself(job: PublicJob, records: RecordSet, spec: TwinSpec, rng: np.
     """One half of the records against the other as simulated; the halving depends on seed and split alone."""
     machine, sim, by = halves(records, np.random.default_rng([job.seed, job.split]))
     sim = RecordSet("the other half", sim.unit, sim.bearing, sim.conditions, _Samples(sim))
+    if job.kind == "filtered":
+        return {"split_by": by, "split": job.split, **filter_row(machine, sim, spec, rng)}
     about: dict[str, Any] = {"split_by": by, "changed": None, "acts_on": None}
     if job.effect:
         assert machine.bearing is not None

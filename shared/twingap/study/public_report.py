@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from twingap.study.public_closest_report import closest_section
+from twingap.study.public_filter import filter_section
 from twingap.study.public_jobs import TWINS
 from twingap.study.tables import grid, write_tables
 
@@ -41,6 +42,7 @@ def markdown(table: Mapping[str, Any]) -> str:
         ]),
         *(_verdicts(table, titles) if table["twins"] else ()),
         *(closest_section(table["closest"]) if table["closest"] else ()),
+        *(filter_section(table["filtered"]) if table["filtered"] else ()),
     ]  # fmt: skip
     return "\n\n".join(part for part in parts if part) + "\n"
 

@@ -323,7 +323,7 @@ def table(title: str, real: bool) -> dict[str, Any]:
         "schema": public.SCHEMA, "skipped": {"hit_sm": "not there"}, "best": {"cwru": "bare"}, "twins": [twin],
         "sets": [{"name": "cwru", "title": title, "real": real, "records": 2, "recordings": ["118"], "sha256": "0"}],
         "withheld": [], "injected": public.injected_rows(answers), "nothing": public.nothing_rows(answers),
-        "single": public.single_rows(answers), "documented": [], "closest": [],
+        "single": public.single_rows(answers), "documented": [], "closest": [], "filtered": [],
         "provenance": {"command": "twingap study public", "plan": {"seed": 0, "pieces": 2},
                        "versions": {"twingap": "0"},
                        "code_sha256": "c" * 64, "data": {"learnt": "d" * 64}, "diagnoses": 4, "computed_s": 4.0,
