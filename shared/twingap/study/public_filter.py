@@ -5,6 +5,7 @@ one half of the records --drawn FIR filter--> machine --diagnosed against the ot
 
 from __future__ import annotations
 
+import time
 from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
@@ -55,6 +56,7 @@ def filter_row(machine: RecordSet, other: RecordSet, spec: TwinSpec, rng: np.ran
     """
     from twingap.gap import diagnose
 
+    begin = time.perf_counter()
     taps = drawn_filter(rng)
     records = filtered(machine, taps)
     try:
@@ -70,7 +72,7 @@ def filter_row(machine: RecordSet, other: RecordSet, spec: TwinSpec, rng: np.ran
     return {
         "refused": "", "status": verdict.status, "effects": list(verdict.effects), "closure": verdict.closure,
         "closure_ci": None if verdict.closure_ci is None else list(verdict.closure_ci), "median_db": middle,
-        "ninth_db": ninth,
+        "ninth_db": ninth, "seconds": time.perf_counter() - begin,
     }  # fmt: skip
 
 

@@ -24,6 +24,7 @@ from scipy.ndimage import gaussian_filter1d, maximum_filter1d
 from scipy.signal import find_peaks
 from scipy.stats import norm
 
+from twingap.bearing import Bearing
 from twingap.effects import BackgroundSpectrum, Effect, LineSpectrum, TransferPath
 from twingap.effects.by_state import ByState, State, by_state, of_state, unit_of
 from twingap.effects.transfer_path import delay_spread_s, passed_by_all_samples
@@ -87,8 +88,18 @@ _MOST_LINES: Final = 256
 _FLOOR_BINS: Final = 40
 _SAME_BINS: Final = 2
 """Bins around a line that belong to it."""
+_FEWEST_LINE_RECORDS: Final = 2
+"""Records in which lines are sought. With one alone, any tone of that moment is a line."""
 _FAULT_LINE: Final = 0.008
-"""Relative distance from a multiple of a fault's order within which a line may be that of its impacts."""
+"""Relative distance from a fault's order within which its impacts are sought. A larger value follows more slip."""
+_FAULT_STEPS: Final = 81
+"""Orders that are tried within it. More place high multiples more exactly."""
+_FAULT_LINES: Final = 12
+"""Multiples of a fault's order that show where it is. More place it more exactly unless jitter smears them."""
+_SIDE_LINES: Final = 2
+"""Side lines of these multiples, on each side, that are those of impacts. A larger value leaves out more lines."""
+_COMB_ERROR: Final = 0.0005
+"""Relative error of the multiples of a fault's order. A larger value leaves out more lines at high orders."""
 
 
 def measured(
@@ -382,16 +393,20 @@ def _louder(evidence: Evidence, simulator: Simulator, effects: Chain, levels: Ma
 
 
 def _all_lines(evidence: Evidence, simulator: Simulator, chain: Chain, states: Sequence[State]) -> Chain:
-    """Lines of all states as one effect, or nothing."""
-    found = {state: _lines(evidence, simulator, chain, state.fault) for state in states}
-    if all(one is None for one in found.values()):
+    """Lines of all states as one effect, or nothing: those that all records have, and more that a fault has."""
+    common = _lines(evidence, simulator, chain)
+    found = {
+        state: _lines(evidence, simulator, chain, state.fault, common) if state.fault else common for state in states
+    }
+    if not any(one.frequencies_hz or one.orders for one in found.values()):
         return ()
-    none = LineSpectrum(frequencies_hz=(), amplitudes=(), orders=(), order_amplitudes=())
-    return (_stated({state: one or none for state, one in found.items()}),)
+    return (_stated(found),)
 
 
-def _lines(evidence: Evidence, simulator: Simulator, effects: Chain, fault: str) -> LineSpectrum | None:
-    """Lines that the twin lacks in records of the fit part with a fault, or in all (""); None without any."""
+def _lines(
+    evidence: Evidence, simulator: Simulator, effects: Chain, fault: str = "", common: LineSpectrum | None = None
+) -> LineSpectrum:
+    """Lines that the twin lacks in records of the fit part with a fault, besides `common`, or in all ("")."""
     others = tuple(effect for effect in effects if not isinstance(effect, LineSpectrum))
     fit = evidence.calibrated.fit
     fit = fit.take([i for i, c in enumerate(fit.conditions) if str(c.fault) == fault]) if fault else fit
@@ -405,38 +420,71 @@ def _lines(evidence: Evidence, simulator: Simulator, effects: Chain, fault: str)
         RecordTransforms(record.samples, record.condition, evidence.frame)
         for record in evidence.simulated(simulator, others, longest, 3)
     ]
-    in_hz, in_orders = (_peaks(real, made, by_order=by_order) for by_order in (False, True))
+    in_hz, in_orders = (_peaks(real, made, evidence.frame.bearing, by_order=by_order) for by_order in (False, True))
     shaft = np.array([record.shaft_hz for record in real])
     spread = float(np.ptp(shaft) / shaft.mean())
     resolution = max(record.df_hz for record in real)
-    hz: list[tuple[float, float]] = []
-    orders: list[tuple[float, float]] = []
-    for place, amplitude, _ in in_orders:
+    lines: list[Line] = []
+    for place, amplitude in in_orders:
         moves = place * shaft.mean() * spread > 3 * resolution
         whole = abs(place - round(place)) * shaft.mean() < resolution and round(place) >= 1
         if moves or whole:
-            orders.append((place, amplitude))
-    taken = np.array([order for order, _ in orders]) * shaft.mean()
-    for place, amplitude, _ in in_hz:
+            lines.append(Line(place, amplitude, by_order=True))
+    taken = np.array([line.place for line in lines]) * shaft.mean()
+    for place, amplitude in in_hz:
         # Where speeds differ by less than the resolution, a line is at one place either way.
         near = taken.size > 0 and place * spread <= 3 * resolution
         if not (near and float(np.abs(taken - place).min()) < _SAME_BINS * resolution):
-            hz.append((place, amplitude))
+            lines.append(Line(place, amplitude, by_order=False))
     reference = simulator.reference_rms
-    kept = sorted([(a, 0, p) for p, a in hz] + [(a, 1, p) for p, a in orders], reverse=True)[:_MOST_LINES]
-    if not kept:
-        return None
-    first, second = (sorted((p, a / reference) for a, which, p in kept if which == kind) for kind in (0, 1))
+    lines = [line._replace(amplitude=line.amplitude / reference) for line in lines]
+    if common is not None:
+        lines = _joined(_of_effect(common), lines, float(shaft.mean()), _SAME_BINS * resolution)
+    lines = sorted(lines, key=lambda line: line.amplitude, reverse=True)[:_MOST_LINES]
+    first, second = (sorted(line for line in lines if line.by_order == kind) for kind in (False, True))
     return LineSpectrum(
-        frequencies_hz=tuple(p for p, _ in first), amplitudes=tuple(a for _, a in first),
-        orders=tuple(p for p, _ in second), order_amplitudes=tuple(a for _, a in second),
+        frequencies_hz=tuple(line.place for line in first), amplitudes=tuple(line.amplitude for line in first),
+        orders=tuple(line.place for line in second), order_amplitudes=tuple(line.amplitude for line in second),
     )  # fmt: skip
 
 
+class Line(NamedTuple):
+    """A line at a place in Hz, or in shaft orders."""
+
+    place: float
+    amplitude: float
+    by_order: bool
+
+    def hz(self, shaft_hz: float) -> float:
+        """Its frequency at a shaft speed."""
+        return self.place * (shaft_hz if self.by_order else 1.0)
+
+
+def _of_effect(effect: LineSpectrum) -> list[Line]:
+    """The lines of an effect."""
+    fixed = [Line(f, a, by_order=False) for f, a in zip(effect.frequencies_hz, effect.amplitudes, strict=True)]
+    return fixed + [Line(o, a, by_order=True) for o, a in zip(effect.orders, effect.order_amplitudes, strict=True)]
+
+
+def _joined(common: Sequence[Line], own: Sequence[Line], shaft_hz: float, same_hz: float) -> list[Line]:
+    """The lines that all records have, as strong as some records have them, and the other lines of these records.
+
+    Records at one speed do not tell whether a line is fixed in Hz or in orders; all records do.
+    """
+    left, joined = list(own), []
+    for line in common:
+        near = min(left, key=lambda other: abs(other.hz(shaft_hz) - line.hz(shaft_hz)), default=None)
+        if near is not None and abs(near.hz(shaft_hz) - line.hz(shaft_hz)) < same_hz:
+            left.remove(near)
+            line = line._replace(amplitude=near.amplitude)
+        joined.append(line)
+    return joined + left
+
+
 def _peaks(
-    real: Sequence[RecordTransforms], made: Sequence[RecordTransforms], *, by_order: bool
-) -> list[tuple[float, float, float]]:
-    """(place in Hz or orders, amplitude, excess) of lines in most records that the twin lacks.
+    real: Sequence[RecordTransforms], made: Sequence[RecordTransforms], bearing: Bearing, *, by_order: bool
+) -> list[tuple[float, float]]:
+    """(place in Hz or orders, amplitude) of lines in most records that the twin lacks.
 
     A low quantile over records of the log power over the local floor is tested, so that a line has to be in most of
     them at one place: a line in Hz is not at one order where speeds differ, and the other way round.
@@ -445,7 +493,7 @@ def _peaks(
     tops = [record.fs_hz / 2 / (record.shaft_hz if by_order else 1.0) for record in real]
     step, top = max(steps), 0.98 * min(tops)
     count = int(top / step)
-    if count < 4 * _FLOOR_BINS or len(real) < 3:
+    if count < 4 * _FLOOR_BINS or len(real) < _FEWEST_LINE_RECORDS:
         return []
     places = np.arange(count) * step
     over, power, own = (np.empty((len(real), count)) for _ in range(3))
@@ -469,6 +517,7 @@ def _peaks(
         own_height = np.quantile(over[[i for i, s in enumerate(states) if s == state]], _PART, axis=0)
         everywhere &= own_height > _limit(own_height, _LEVEL_OF_STATE)
     level, twin_level = np.median(power, axis=0), np.median(own, axis=0)
+    combs = [_comb(record, bearing) for record in real]
     found = []
     for at in find_peaks(np.where(everywhere, height, -np.inf), height=limit)[0]:
         if level[at] < _LOUDER * float(twin_level[at]):
@@ -476,9 +525,9 @@ def _peaks(
         place = float(places[at])
         if not by_order and place < 2 * step:
             continue
-        if _of_impacts(place, by_order, real):
+        if _of_impacts(place, by_order, real, combs):
             continue
-        found.append((place, math.sqrt(2 * max(float(level[at] - twin_level[at]), 0.0)), float(height[at])))
+        found.append((place, math.sqrt(2 * max(float(level[at] - twin_level[at]), 0.0))))
     return found
 
 
@@ -488,15 +537,34 @@ def _limit(heights: Array, level: float) -> float:
     return middle + (middle - float(np.quantile(heights, 0.25))) / 0.6745 * float(norm.isf(level))
 
 
-def _of_impacts(place: float, by_order: bool, real: Sequence[RecordTransforms]) -> bool:
-    """Whether a line lies at multiples of the fault's order in most records: then it is one of their impacts."""
+def _comb(record: RecordTransforms, bearing: Bearing) -> Array:
+    """[lines] Orders of the lines of a record's impacts and of their side lines; empty without a known fault.
+
+    The fault's order is that, near the kinematic one, at whose first multiples the spectrum is highest.
+    """
+    if record.fault_order is None:
+        return np.empty(0)
+    bins_per_order = record.shaft_hz / record.df_hz
+    heights = maximum_filter1d(np.log(record.tones / _floor(record.tones) + 1e-300), 3)
+    orders = record.fault_order * np.linspace(1 - _FAULT_LINE, 1 + _FAULT_LINE, _FAULT_STEPS)
+    places = np.round(orders[:, None] * np.arange(1, _FAULT_LINES + 1) * bins_per_order).astype(int)
+    order = orders[
+        np.argmax(np.where(places < heights.size, heights[np.minimum(places, heights.size - 1)], 0).sum(axis=1))
+    ]
+    aside = {"inner": 1.0, "ball": bearing.ftf}.get(str(record.condition.fault), 0.0)
+    multiples = order * np.arange(1, int(heights.size / bins_per_order / order) + 2)
+    sides = aside * np.arange(-_SIDE_LINES, _SIDE_LINES + 1)
+    return np.unique(multiples[:, None] + sides)
+
+
+def _of_impacts(place: float, by_order: bool, real: Sequence[RecordTransforms], combs: Sequence[Array]) -> bool:
+    """Whether a line is one of impacts' in most records."""
     hits = 0
-    for record in real:
-        if record.fault_order is None:
-            continue
-        order = place if by_order else place / record.shaft_hz
-        multiple = order / record.fault_order
-        hits += round(multiple) >= 1 and abs(multiple - round(multiple)) < _FAULT_LINE * max(round(multiple), 1)
+    for record, comb in zip(real, combs, strict=True):
+        if comb.size:
+            order = place if by_order else place / record.shaft_hz
+            near = _SAME_BINS * record.df_hz / record.shaft_hz + _COMB_ERROR * order
+            hits += float(np.abs(comb - order).min()) < near
     return hits > len(real) / 2
 
 
