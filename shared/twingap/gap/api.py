@@ -246,7 +246,9 @@ def _diagnosed(
             "fs_hz": rates[0] if len(rates) == 1 else rates,
             "learnt": {key: learnt.about[key] for key in ("version", "machines", "seed") if key in learnt.about},
         },
-        notes=(*notes, *calibrated.notes, *_notes(found)),
+        notes=(
+            *notes, *calibrated.notes, *_slip_not_named(evidence, found, learnt.named_from), *_notes(found),
+        ),  # fmt: skip
         calibration=_calibration(calibrated, found),
         rest=presentable(rest),
         tests=tests,
@@ -364,6 +366,20 @@ def _calibration(calibrated: Calibrated, found: Explanation) -> dict[str, Parame
     reference = (found.after if found.gap else found.before).simulator.reference_rms
     out[REFERENCE] = ParameterValue(float(reference), calibrated.fit.unit)
     return out
+
+
+def _slip_not_named(evidence: Evidence, found: Explanation, named_from: float) -> Iterator[str]:
+    """Why a slip of the cage that the speeds show, which a note states, is not named as an effect."""
+    slip, name = evidence.calibrated.speeds.slip, "mean_slip"
+    if slip == 0 or name in found.names:
+        return
+    why = f"its probability is {found.probability.get(name, 0.0):.0%}, all features weighed together, and an effect is "
+    why += f"named from {named_from:.0%}; model it if you trust the speeds"
+    if name in evidence.modelled:
+        why = "the twin models it"
+    elif not found.gap:
+        why = "records and twin cannot be distinguished"
+    yield f"{name} is not named for this slip of {100 * slip:.2f} %: {why}"
 
 
 def _notes(found: Explanation) -> Iterator[str]:
