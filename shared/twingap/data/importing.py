@@ -135,7 +135,7 @@ class Understood:
             "record": c.name, "channel": self.channel.name, "unit": self.unit or "unknown", "samples": c.n_samples,
             "seconds": c.duration_s, "fs_hz": c.fs_hz, "rate from": self.rate_from, "speed_rpm": c.speed_rpm,
             "speed from": self.speed_from, "fault": c.fault, "load_n": c.load_n, "time_s": c.time_s, "group": c.group,
-            **c.extra,
+            **{key: value for key, value in c.extra.items() if key != "speed_from"},
         }  # fmt: skip
 
 
@@ -273,6 +273,8 @@ def _of_file(
         unit, factor = _unit(channel, options, notes)
         name = stem if len(chosen) == 1 else f"{stem} {channel.name}".strip()
         extra = dict(facts) | ({"channel_name": channel.name} if len(chosen) > 1 else {})
+        if options.tacho_channel is not None:
+            extra["speed_from"] = speed_from
         condition = Condition(
             name.strip(), speed_rpm, fs_hz, channel.n_samples, fault=fault, load_n=load_n, time_s=time_s,
             group=group or (stem if len(chosen) > 1 else None), extra=extra,

@@ -31,6 +31,7 @@ from twingap.gap.distance.two_sample_tests import two_sample_tests
 from twingap.gap.held_out import HeldOut
 from twingap.gap.knowledge import shipped
 from twingap.gap.knowledge.learnt import Learnt
+from twingap.gap.report.at_hand import RECORDS_HAVE, records_have
 from twingap.gap.report.model import (
     REFERENCE,
     Candidate,
@@ -244,6 +245,7 @@ def _diagnosed(
             "n_held_out": len(calibrated.held_out),
             "bearing": calibrated.frame.bearing.name,
             "fs_hz": rates[0] if len(rates) == 1 else rates,
+            RECORDS_HAVE: records_have(used.conditions),
             "learnt": {key: learnt.about[key] for key in ("version", "machines", "seed") if key in learnt.about},
         },
         notes=(

@@ -11,6 +11,7 @@ import pytest
 from scipy.io import savemat
 
 from tests.twingap.cli.typed import Run, refused
+from twingap.gap.report.at_hand import records_have
 from twingap.records import read_record_set
 
 FS = 12000
@@ -63,6 +64,16 @@ def test_a_dry_run_writes_nothing_and_json_says_all(twingap: Run, tmp_path: Path
     assert record["rate from"] == "channel 'Zeit'" and about["out"] is None
     assert any("no bearing is stated" in note for note in about["notes"])
     assert sorted(p.name for p in tmp_path.iterdir()) == ["a.csv"]
+
+
+def test_a_set_states_that_its_speed_is_from_a_tacho(twingap: Run, tmp_path: Path) -> None:
+    """So that reports do not advise to record one."""
+    file = export(tmp_path / "a.csv", tacho=True)
+    assert twingap(file, "--tacho-channel", "Drehzahl", "--out", tmp_path / "set").status == 0
+    conditions = read_record_set(tmp_path / "set").conditions
+    assert records_have(conditions) == {"tacho": "column speed_from of records.csv"}
+    assert twingap(file, "--speed-rpm", 1800, "--out", tmp_path / "stated").status == 0
+    assert records_have(read_record_set(tmp_path / "stated").conditions) == {}
 
 
 def test_speed_from_a_column_units_and_scale(twingap: Run, tmp_path: Path) -> None:
