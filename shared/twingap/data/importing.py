@@ -246,9 +246,12 @@ def _of_file(
         notes.append(f"has no channel {options.speed_channel!r}: the speed is that of the name")
         options = replace(options, speed_channel=None)
     aside |= {file.find(n).name for n in (options.speed_channel, options.tacho_channel) if n is not None}
+    refused = [c for c in file.channels if c.problem is not None and c.name not in aside]
     chosen = [file.find(name) for name in options.channels]
     if not chosen:
         chosen = [c for c in file.channels if c.problem is None and c.name not in aside and c.n_samples > 1]
+        if not file.keyed:
+            notes += [f"channel {c.name!r} is left out: {c.problem}" for c in refused if c.name]
         speeds = [c for c in chosen if _stated_unit(c).lower() in _SPEED_UNITS]
         if len(speeds) < len(chosen):
             chosen = [c for c in chosen if c not in speeds]
@@ -261,7 +264,10 @@ def _of_file(
             chosen = [c for c in chosen if c not in tachos]
             notes += [f"channel {c.name!r} is left out: give --tacho-channel if it is a tacho" for c in tachos]
     if not chosen:
-        file.find()  # says what is wrong
+        if not any(c.n_samples for c in file.channels):
+            raise TwingapError("holds no samples", where=path, mend="export it again with its samples")
+        for channel in refused:
+            raise TwingapError(str(channel.problem), where=channel.where, mend=channel.mend)
         raise TwingapError("holds no channel but time, speed and tacho", where=path, mend="name one with --channel")
     fs_hz, rate_from = _rate(file, time, options, facts, notes)
     speed_rpm, speed_from = _speed(file, options, facts, fs_hz, notes)
