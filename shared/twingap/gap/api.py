@@ -32,6 +32,7 @@ from twingap.gap.held_out import HeldOut
 from twingap.gap.knowledge import shipped
 from twingap.gap.knowledge.learnt import Learnt
 from twingap.gap.report.at_hand import RECORDS_HAVE, records_have
+from twingap.gap.report.formats import number
 from twingap.gap.report.model import (
     REFERENCE,
     Candidate,
@@ -56,7 +57,7 @@ from twingap.provenance import versions
 from twingap.records import Condition, RecordSet
 from twingap.records.folder import read_record_set
 from twingap.streams import root_entropy
-from twingap.twins.simulator import TwinSimulator
+from twingap.twins.simulator import Simulator, TwinSimulator
 from twingap.twins.twin_file import TwinSpec, flat, overruled, read_twin
 
 MOST_RECORDS: Final = 240
@@ -252,6 +253,7 @@ def _diagnosed(
             *notes, *calibrated.notes, *_slip_not_named(evidence, found, learnt.named_from), *_notes(found),
         ),  # fmt: skip
         calibration=_calibration(calibrated, found),
+        calibration_after=_calibration_after(found) if added else {},
         rest=presentable(rest),
         tests=tests,
         curves=curves(
@@ -356,17 +358,28 @@ def _thinned(records: RecordSet, notes: list[str]) -> RecordSet:
 
 def _calibration(calibrated: Calibrated, found: Explanation) -> dict[str, ParameterValue]:
     """Calibrated values: the twin's parameters, the speed correction, the gain."""
-    out: dict[str, ParameterValue] = {}
-    before = found.before.simulator
-    if isinstance(before, TwinSimulator):
-        baseline = {k: v for k, v in flat(before.spec.parameters).items() if k.split(".")[0] not in catalogue()}
-        out |= {name: ParameterValue(float(value), _UNITS.get(name, "")) for name, value in baseline.items()}
+    out = _parameters(found.before.simulator)
     out["speed_correction"] = ParameterValue(float(calibrated.speeds.common_ratio), "true over nominal")
-    gain = getattr(before, "gain", None)
-    if gain is not None:
-        out["unit_gain"] = ParameterValue(float(gain), "records over simulation")
     reference = (found.after if found.gap else found.before).simulator.reference_rms
     out[REFERENCE] = ParameterValue(float(reference), calibrated.fit.unit)
+    return out
+
+
+def _calibration_after(found: Explanation) -> dict[str, ParameterValue]:
+    """Calibrated values with the named effects that differ from those without, in the digits that are shown."""
+    before, after = (_parameters(one.simulator) for one in (found.before, found.after))
+    return {n: after[n] for n, p in before.items() if n in after and number(after[n].value) != number(p.value)}
+
+
+def _parameters(simulator: Simulator) -> dict[str, ParameterValue]:
+    """The twin's parameters, and the gain of finished waveforms."""
+    out: dict[str, ParameterValue] = {}
+    if isinstance(simulator, TwinSimulator):
+        baseline = {k: v for k, v in flat(simulator.spec.parameters).items() if k.split(".")[0] not in catalogue()}
+        out |= {name: ParameterValue(float(value), _UNITS.get(name, "")) for name, value in baseline.items()}
+    gain = getattr(simulator, "gain", None)
+    if gain is not None:
+        out["unit_gain"] = ParameterValue(float(gain), "records over simulation")
     return out
 
 

@@ -13,9 +13,11 @@ from twingap.bearing import BEARINGS
 from twingap.effects import make_effect, trainable
 from twingap.errors import TwingapError
 from twingap.gap import api, diagnose
-from twingap.gap.api import _few_turns, _notes, _slip_not_named, _status
+from twingap.gap.api import _calibration_after, _few_turns, _notes, _slip_not_named, _status
 from twingap.gap.distance.closure import Closure
-from twingap.gap.report.files import read_report, to_json
+from twingap.gap.report.files import from_json, read_report, to_json
+from twingap.gap.report.formats import number
+from twingap.gap.report.model import REFERENCE
 from twingap.gap.report.schema import problems
 from twingap.records import Condition, RecordSet
 from twingap.records.folder import read_record_set, write_record_set
@@ -87,6 +89,17 @@ def test_the_report_keeps_the_contract(clipped):
     assert {c.effect for c in clipped.report.candidates} == set(trainable())
     assert all(c.effect == "quantisation" or c.closure_ci[0] < 0.3 for c in clipped.report.candidates)
     assert 0.2 < math.fsum(place.share for place in clipped.report.places) <= 1 + 1e-9
+
+
+def test_values_calibrated_with_the_named_effects_are_in_the_report_where_they_differ(clipped):
+    before, after = clipped.report.calibration, clipped.report.calibration_after
+    spec = clipped.explanation.after.simulator.spec.parameters
+    assert after and set(after) <= set(before) - {REFERENCE}
+    assert all(after[name].value == spec[name] for name in after if "." not in name)
+    assert all(number(spec[name]) == number(before[name].value) for name in {"resonance_hz", "scale"} - set(after))
+    assert from_json(to_json(clipped.report)).calibration_after == after
+    calm = SimpleNamespace(before=clipped.explanation.before, after=clipped.explanation.before)
+    assert _calibration_after(calm) == {}
 
 
 def test_machine_and_twin_alike_leave_nothing_to_name(learnt):

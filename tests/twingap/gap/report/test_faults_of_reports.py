@@ -9,10 +9,12 @@ import pytest
 from tests.twingap.gap.conftest import MakeReport
 from twingap.cli.gap import _print
 from twingap.gap.report.advice import contradictions, next_steps, place_words, warnings
-from twingap.gap.report.model import Curve, GapReport, Metric, ParameterValue, Place, TwoSampleTest
+from twingap.gap.report.formats import number, value
+from twingap.gap.report.model import REFERENCE, Curve, GapReport, Metric, ParameterValue, Place, TwoSampleTest
 from twingap.gap.report.page import page
-from twingap.gap.report.sections import confidence
+from twingap.gap.report.sections import calibration, confidence
 from twingap.gap.report.sections.headline import headline
+from twingap.gap.report.sections.parts import Table
 from twingap.gap.report.sections.places import places_table
 from twingap.gap.report.together import only_together
 
@@ -132,3 +134,21 @@ def test_effects_that_close_the_gap_only_together_are_said_to(
     rolloff = dataclasses.replace(worse.candidates[2], gap_before=4.4)
     third = dataclasses.replace(three, candidates=(*worse.candidates[:2], rolloff))
     assert "without any one of them the others widen it, to 4.4 or more" in only_together(third)
+
+
+def test_values_that_the_named_effects_change_stand_beside_those_before(make_report: MakeReport) -> None:
+    report = make_report("explained")
+    given = {**report.calibration, REFERENCE: ParameterValue(0.52, "g")}
+    before = calibration.section(dataclasses.replace(report, calibration=given), {})
+    assert before is not None and isinstance(before.parts[0], Table)
+    assert list(before.parts[0].head) == ["parameter", "value (90 % interval)"]
+    assert before.parts[0].rows[-1] == ("healthy vibration", number(0.52, "g"))
+
+    changed = {"resonance_hz": ParameterValue(3355.0, "Hz")}
+    after = calibration.section(dataclasses.replace(report, calibration=given, calibration_after=changed), {})
+    assert after is not None and isinstance(after.parts[0], Table)
+    assert after.parts[0].head[-1] == "with the named effects"
+    shown = {row[0]: tuple(row[1:]) for row in after.parts[0].rows}
+    assert shown["resonance"] == (value(given["resonance_hz"]), number(3355.0, "Hz"))
+    assert shown["unit gain"] == ("9.81", "")  # does not differ
+    assert shown["healthy vibration"] == ("", number(0.52, "g"))  # of the twin with the effects alone
