@@ -249,9 +249,7 @@ def _diagnosed(
             RECORDS_HAVE: records_have(used.conditions),
             "learnt": {key: learnt.about[key] for key in ("version", "machines", "seed") if key in learnt.about},
         },
-        notes=(
-            *notes, *calibrated.notes, *_slip_not_named(evidence, found, learnt.named_from), *_notes(found),
-        ),  # fmt: skip
+        notes=(*notes, *calibrated.notes, *_notes(found, evidence, learnt.named_from)),
         calibration=_calibration(calibrated, found),
         calibration_after=_calibration_after(found) if added else {},
         rest=presentable(rest),
@@ -397,8 +395,9 @@ def _slip_not_named(evidence: Evidence, found: Explanation, named_from: float) -
     yield f"{name} is not named for this slip of {100 * slip:.2f} %: {why}"
 
 
-def _notes(found: Explanation) -> Iterator[str]:
-    """Notes on effects that cannot be added, on the simulator, and on a change of level."""
+def _notes(found: Explanation, evidence: Evidence, named_from: float) -> Iterator[str]:
+    """Notes on a slip that is not named, effects that cannot be added, the simulator, and a change of level."""
+    yield from _slip_not_named(evidence, found, named_from)
     for name in found.names:
         if name in found.cannot:
             yield f"{name} is named from the records alone: {found.cannot[name]}, so it could not be added and checked"

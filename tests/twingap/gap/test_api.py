@@ -173,8 +173,9 @@ def test_another_level_with_the_named_effects_is_notes():
         pair = [SimpleNamespace(simulator=SimpleNamespace(gain=gain, notes=())) for gain in (before, after)]
         return SimpleNamespace(names=(), cannot={}, before=pair[0], after=pair[1])
 
-    assert list(_notes(found(3.0, 3.02))) == []
-    (told,) = _notes(found(3.0, 4.5))
+    evidence = SimpleNamespace(calibrated=SimpleNamespace(speeds=SimpleNamespace(slip=0.0)))
+    assert list(_notes(found(3.0, 3.02), evidence, 0.7)) == []
+    (told,) = _notes(found(3.0, 4.5), evidence, 0.7)
     assert "by 3 as they are and by 4.5 with the named effects" in told
 
 

@@ -20,8 +20,8 @@ _TACHO: Final = re.compile(r"tacho|encoder|key.?phasor", re.IGNORECASE)
 _INSTEAD: Final[Mapping[str, tuple[str, str]]] = {
     "speed_rpm": (
         measurements.OTHER_SPEED,
-        "compare records at the speeds that you have, {} to {} rpm, and take more or longer ones there: lines of mains, "
-        "drive and structure stay at their frequency, lines of shaft, gears and bearings move with the speed",
+        "compare records at the speeds that you have, {} to {} rpm, and take more or longer ones there: lines of "
+        "mains, drive and structure stay at their frequency, lines of shaft, gears and bearings move with the speed",
     ),
     "load_n": (
         measurements.LOAD,

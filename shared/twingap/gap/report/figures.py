@@ -83,7 +83,7 @@ def curve_figure(curve: Curve, places: Sequence[Place] = ()) -> Any:
         if words:  # below each other, in short lines, since the names of conditions are long
             symbol = {"real": "circle", "before": "square", "after": "diamond"}[name]
             marker = {"symbol": symbol, "size": 12, "color": colour}
-            own = [place.replace(", ", "<br>") for place in at]
+            own = [str(place).replace(", ", "<br>") for place in at]
             figure.add_scatter(
                 x=line, y=own, mode="markers", marker=marker, name=label, hovertemplate=hover.replace("y:", "x:")
             )
@@ -257,8 +257,8 @@ def _mark(figure: Any, curve: Curve, places: Sequence[Place], x: Sequence[float]
 
 
 def _mark_orders(figure: Any, curve: Curve) -> None:
-    """Thin lines at the orders that have a name, the names at the bottom so that those of places stay free; of two lines
-    beside each other they stand on the outer sides."""
+    """Thin lines at the orders that have a name; the names stand at the bottom, where those of places do not, and of
+    two lines beside each other on the outer sides."""
     near, before = _NEAR * (float(curve.x[-1]) - float(curve.x[0])), -math.inf
     for name, at in sorted(curve.marks.items(), key=lambda mark: mark[1]):
         anchor = "left" if at - before < near else "right"

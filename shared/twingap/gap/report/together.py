@@ -22,6 +22,6 @@ def only_together(report: GapReport) -> str:
     names = listed(c.effect for c in named)
     alone = "either of them alone widens it" if len(named) == 2 else "without any one of them the others widen it"
     return (
-        f"{names[:1].upper()}{names[1:]} close the gap only together, from {gap.before:.3g} to {gap.after:.3g}: {alone}, "
-        f"to {min(c.gap_before for c in named):.3g} or more."
+        f"{names[:1].upper()}{names[1:]} close the gap only together, from {gap.before:.3g} to {gap.after:.3g}: "
+        f"{alone}, to {min(c.gap_before for c in named):.3g} or more."
     )

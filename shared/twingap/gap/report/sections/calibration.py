@@ -14,15 +14,15 @@ def section(report: GapReport, figures: Figures) -> Section | None:
     text = "The twin's free parameters as identified from the other part of the records, before anything was compared. "
     text += "A difference that calibration removes is not part of the gap."
     after = report.calibration_after
-    head = ("parameter", "value (90 % interval)", "with the named effects")
     rows = [
         (quantity(name, p.unit), value(p), value(after[name]) if name in after else "")
         for name, p in report.calibration.items()
         if name != REFERENCE
     ]
-    if (reference := report.calibration.get(REFERENCE)) is not None:  # of the twin with the effects, whose unit it is
-        rows.append((quantity(REFERENCE, reference.unit), *(("", value(reference)) if after else (value(reference), ""))))
-    columns = 3 if after else 2
+    if (unit := report.calibration.get(REFERENCE)) is not None:  # of the twin with the effects
+        shown = value(unit)
+        rows.append((quantity(REFERENCE, unit.unit), *(("", shown) if after else (shown, ""))))
     if after:
         text += " The named effects change some of them: the twin was calibrated again with these."
-    return Section("Calibration", text, (Table(head[:columns], [row[:columns] for row in rows]),))
+    head = ("parameter", "value (90 % interval)", "with the named effects")[: 3 if after else 2]
+    return Section("Calibration", text, (Table(head, [row[: len(head)] for row in rows]),))
