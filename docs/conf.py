@@ -17,6 +17,7 @@ os.environ["TWINGAP_HOME"] = tempfile.mkdtemp(prefix="twingap-docs-")
 os.environ["MPLBACKEND"] = "agg"
 
 import site_pages  # noqa: E402
+from site_pages.links import to_pages  # noqa: E402
 from site_pages.tutorials import CONFIGURATION, DATA_AT_HAND  # noqa: E402
 
 from twingap import __version__  # noqa: E402
@@ -93,7 +94,13 @@ def as_typed(app: Any, what: str, name: str, thing: object, options: Any, lines:
             lines[i] = "`".join(parts)
 
 
+def with_links_to_pages(app: Any, docname: str, source: list[str]) -> None:
+    """Link to generated pages, where the source links to what they are generated from."""
+    source[0] = to_pages(source[0], docname)
+
+
 def setup(app: Any) -> None:
     """Write the generated pages before Sphinx looks for sources."""
+    app.connect("source-read", with_links_to_pages)
     app.connect("autodoc-process-docstring", as_typed, priority=400)
     app.connect("config-inited", lambda app, config: site_pages.write_all(HERE), priority=10)

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from site_pages import data_cards, effect_pages, gap_file, markdown, python_pages, signatures, validation
+from site_pages import data_cards, effect_pages, gap_file, links, markdown, python_pages, signatures, validation
 
 from twingap.data import card_of, manifest_names, manifest_of
 from twingap.effects import catalogue, load_effects, make_effect
@@ -154,3 +154,30 @@ def test_files_that_the_guide_for_contributors_names_exist() -> None:
     named = [path for path in found if "NAME" not in path]
     missing = [path for path in named if not (root / path).exists() and "my_effect" not in path]
     assert named and not missing
+
+
+PAGES = sorted(path.relative_to(DOCS).as_posix() for path in DOCS.glob("**/*.md"))
+BUILT = [line.strip("/") for line in (DOCS / ".gitignore").read_text(encoding="utf-8").splitlines()[1:]]
+TYPED = [name for name in PAGES if not name.startswith(tuple(BUILT))]
+
+
+@pytest.mark.parametrize("name", TYPED)
+def test_links_lead_to_something_in_the_repository_itself(name: str) -> None:
+    page = DOCS / name
+    for target in links.LINK.findall(page.read_text(encoding="utf-8")):
+        if "://" in target:
+            continue
+        place = (page.parent / target).resolve()
+        assert place.exists(), f"{name} links to {target}"
+        inside = place.relative_to(DOCS).as_posix() if place.is_relative_to(DOCS) else ""
+        assert not inside or not inside.startswith(tuple(BUILT)), f"{name} links to {target}, which a build makes"
+
+
+def test_links_to_sources_become_links_to_generated_pages() -> None:
+    text = "[a](../gallery/close_a_gap.py), [b](../../reports/gap/README.md#scores), [c](../glossary.md), [d](#e)"
+    assert links.to_pages(text, "how-to/page") == (
+        "[a](../tutorials/close_a_gap), [b](../explanation/validation.md#scores), [c](../glossary.md), [d](#e)"
+    )
+    assert links.to_pages("[a](gallery/close_a_gap.py)", "index") == "[a](tutorials/close_a_gap)"
+    for source, page in links.PAGE_OF.items():
+        assert (DOCS / source).exists() and (page in TYPED or page.startswith(tuple(BUILT)))

@@ -79,6 +79,7 @@ def _print(report: GapReport) -> None:
     """Print the verdict, the most probable candidates and the metrics."""
     from twingap.gap.report.advice import next_steps, place_words
     from twingap.gap.report.formats import closure
+    from twingap.gap.report.together import only_together
 
     say(report.sentence)
     if report.closest_sentence:
@@ -102,6 +103,8 @@ def _print(report: GapReport) -> None:
             for c in shown
         ]
         show(rows, False, title="Which effect is missing")
+        if together := only_together(report):
+            say(together)
     if report.closest.attribution:
         rows = [
             {

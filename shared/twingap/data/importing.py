@@ -135,7 +135,7 @@ class Understood:
             "record": c.name, "channel": self.channel.name, "unit": self.unit or "unknown", "samples": c.n_samples,
             "seconds": c.duration_s, "fs_hz": c.fs_hz, "rate from": self.rate_from, "speed_rpm": c.speed_rpm,
             "speed from": self.speed_from, "fault": c.fault, "load_n": c.load_n, "time_s": c.time_s, "group": c.group,
-            **c.extra,
+            **{key: value for key, value in c.extra.items() if key != "speed_from"},
         }  # fmt: skip
 
 
@@ -246,9 +246,12 @@ def _of_file(
         notes.append(f"has no channel {options.speed_channel!r}: the speed is that of the name")
         options = replace(options, speed_channel=None)
     aside |= {file.find(n).name for n in (options.speed_channel, options.tacho_channel) if n is not None}
+    refused = [c for c in file.channels if c.problem is not None and c.name not in aside]
     chosen = [file.find(name) for name in options.channels]
     if not chosen:
         chosen = [c for c in file.channels if c.problem is None and c.name not in aside and c.n_samples > 1]
+        if not file.keyed:
+            notes += [f"channel {c.name!r} is left out: {c.problem}" for c in refused if c.name]
         speeds = [c for c in chosen if _stated_unit(c).lower() in _SPEED_UNITS]
         if len(speeds) < len(chosen):
             chosen = [c for c in chosen if c not in speeds]
@@ -261,7 +264,10 @@ def _of_file(
             chosen = [c for c in chosen if c not in tachos]
             notes += [f"channel {c.name!r} is left out: give --tacho-channel if it is a tacho" for c in tachos]
     if not chosen:
-        file.find()  # says what is wrong
+        if not any(c.n_samples for c in file.channels):
+            raise TwingapError("holds no samples", where=path, mend="export it again with its samples")
+        for channel in refused:
+            raise TwingapError(str(channel.problem), where=channel.where, mend=channel.mend)
         raise TwingapError("holds no channel but time, speed and tacho", where=path, mend="name one with --channel")
     fs_hz, rate_from = _rate(file, time, options, facts, notes)
     speed_rpm, speed_from = _speed(file, options, facts, fs_hz, notes)
@@ -273,6 +279,8 @@ def _of_file(
         unit, factor = _unit(channel, options, notes)
         name = stem if len(chosen) == 1 else f"{stem} {channel.name}".strip()
         extra = dict(facts) | ({"channel_name": channel.name} if len(chosen) > 1 else {})
+        if options.tacho_channel is not None:
+            extra["speed_from"] = speed_from
         condition = Condition(
             name.strip(), speed_rpm, fs_hz, channel.n_samples, fault=fault, load_n=load_n, time_s=time_s,
             group=group or (stem if len(chosen) > 1 else None), extra=extra,

@@ -38,8 +38,9 @@ _CLEAR_OF_SHAFT: Final = 6.0
 _CLEAR: Final = 10.0
 """Power of a line's highest bin over the median beside it from which it is clear: noise reaches it in one of 200
 records, and in most of them never. A larger value misses weak lines."""
-FEWEST: Final = 3
-"""Smallest number of records that show a common line."""
+FEWEST: Final = 2
+"""Smallest number of records that show a common line. A larger number leaves hums unread where few speeds keep clear of
+the mains."""
 _IN_MOST: Final = 0.75
 """Part of the records in which it is clear. A smaller value allows lines of some records."""
 _ALIKE: Final = 0.1

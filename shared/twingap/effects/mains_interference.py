@@ -121,7 +121,7 @@ class MainsInterference(HarmonicSeries):
                 return (
                     f"in {len(conditions) - kept} of {len(conditions)} records a multiple of shaft speed lies within "
                     f"{RESOLVED:g} resolution bins of {mains_hz:g} Hz, so that its level and that of the shaft's line "
-                    "cannot be told apart; record longer, or at another speed"
+                    f"cannot be told apart; record longer, or at a speed of which no multiple lies at {mains_hz:g} Hz"
                 )
         return ""
 

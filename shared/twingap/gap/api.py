@@ -31,6 +31,8 @@ from twingap.gap.distance.two_sample_tests import two_sample_tests
 from twingap.gap.held_out import HeldOut
 from twingap.gap.knowledge import shipped
 from twingap.gap.knowledge.learnt import Learnt
+from twingap.gap.report.at_hand import RECORDS_HAVE, records_have
+from twingap.gap.report.formats import number
 from twingap.gap.report.model import (
     REFERENCE,
     Candidate,
@@ -55,7 +57,7 @@ from twingap.provenance import versions
 from twingap.records import Condition, RecordSet
 from twingap.records.folder import read_record_set
 from twingap.streams import root_entropy
-from twingap.twins.simulator import TwinSimulator
+from twingap.twins.simulator import Simulator, TwinSimulator
 from twingap.twins.twin_file import TwinSpec, flat, overruled, read_twin
 
 MOST_RECORDS: Final = 240
@@ -244,10 +246,12 @@ def _diagnosed(
             "n_held_out": len(calibrated.held_out),
             "bearing": calibrated.frame.bearing.name,
             "fs_hz": rates[0] if len(rates) == 1 else rates,
+            RECORDS_HAVE: records_have(used.conditions),
             "learnt": {key: learnt.about[key] for key in ("version", "machines", "seed") if key in learnt.about},
         },
-        notes=(*notes, *calibrated.notes, *_notes(found)),
+        notes=(*notes, *calibrated.notes, *_notes(found, evidence, learnt.named_from)),
         calibration=_calibration(calibrated, found),
+        calibration_after=_calibration_after(found) if added else {},
         rest=presentable(rest),
         tests=tests,
         curves=curves(
@@ -352,22 +356,48 @@ def _thinned(records: RecordSet, notes: list[str]) -> RecordSet:
 
 def _calibration(calibrated: Calibrated, found: Explanation) -> dict[str, ParameterValue]:
     """Calibrated values: the twin's parameters, the speed correction, the gain."""
-    out: dict[str, ParameterValue] = {}
-    before = found.before.simulator
-    if isinstance(before, TwinSimulator):
-        baseline = {k: v for k, v in flat(before.spec.parameters).items() if k.split(".")[0] not in catalogue()}
-        out |= {name: ParameterValue(float(value), _UNITS.get(name, "")) for name, value in baseline.items()}
+    out = _parameters(found.before.simulator)
     out["speed_correction"] = ParameterValue(float(calibrated.speeds.common_ratio), "true over nominal")
-    gain = getattr(before, "gain", None)
-    if gain is not None:
-        out["unit_gain"] = ParameterValue(float(gain), "records over simulation")
     reference = (found.after if found.gap else found.before).simulator.reference_rms
     out[REFERENCE] = ParameterValue(float(reference), calibrated.fit.unit)
     return out
 
 
-def _notes(found: Explanation) -> Iterator[str]:
-    """Notes on effects that cannot be added, on the simulator, and on a change of level."""
+def _calibration_after(found: Explanation) -> dict[str, ParameterValue]:
+    """Calibrated values with the named effects that differ from those without, in the digits that are shown."""
+    before, after = (_parameters(one.simulator) for one in (found.before, found.after))
+    return {n: after[n] for n, p in before.items() if n in after and number(after[n].value) != number(p.value)}
+
+
+def _parameters(simulator: Simulator) -> dict[str, ParameterValue]:
+    """The twin's parameters, and the gain of finished waveforms."""
+    out: dict[str, ParameterValue] = {}
+    if isinstance(simulator, TwinSimulator):
+        baseline = {k: v for k, v in flat(simulator.spec.parameters).items() if k.split(".")[0] not in catalogue()}
+        out |= {name: ParameterValue(float(value), _UNITS.get(name, "")) for name, value in baseline.items()}
+    gain = getattr(simulator, "gain", None)
+    if gain is not None:
+        out["unit_gain"] = ParameterValue(float(gain), "records over simulation")
+    return out
+
+
+def _slip_not_named(evidence: Evidence, found: Explanation, named_from: float) -> Iterator[str]:
+    """Why a slip of the cage that the speeds show, which a note states, is not named as an effect."""
+    slip, name = evidence.calibrated.speeds.slip, "mean_slip"
+    if slip == 0 or name in found.names:
+        return
+    why = f"its probability is {found.probability.get(name, 0.0):.0%}, all features weighed together, and an effect is "
+    why += f"named from {named_from:.0%}; model it if you trust the speeds"
+    if name in evidence.modelled:
+        why = "the twin models it"
+    elif not found.gap:
+        why = "records and twin cannot be distinguished"
+    yield f"{name} is not named for this slip of {100 * slip:.2f} %: {why}"
+
+
+def _notes(found: Explanation, evidence: Evidence, named_from: float) -> Iterator[str]:
+    """Notes on a slip that is not named, effects that cannot be added, the simulator, and a change of level."""
+    yield from _slip_not_named(evidence, found, named_from)
     for name in found.names:
         if name in found.cannot:
             yield f"{name} is named from the records alone: {found.cannot[name]}, so it could not be added and checked"

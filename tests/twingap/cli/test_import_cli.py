@@ -11,6 +11,7 @@ import pytest
 from scipy.io import savemat
 
 from tests.twingap.cli.typed import Run, refused
+from twingap.gap.report.at_hand import records_have
 from twingap.records import read_record_set
 
 FS = 12000
@@ -63,6 +64,46 @@ def test_a_dry_run_writes_nothing_and_json_says_all(twingap: Run, tmp_path: Path
     assert record["rate from"] == "channel 'Zeit'" and about["out"] is None
     assert any("no bearing is stated" in note for note in about["notes"])
     assert sorted(p.name for p in tmp_path.iterdir()) == ["a.csv"]
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "time,acc\n",
+        "# fs_hz: 12000\ntime [s],acc [g]\n",
+        "Sampling rate;12000\nChannel;A\nUnit;g\n",
+        "Sampling Rate,12000\nTime,Acceleration\ns,g\n",
+    ],
+)
+def test_an_export_without_its_samples_is_said_to_hold_none(twingap: Run, tmp_path: Path, text: str) -> None:
+    """It may state a rate, and a rate may be given: neither is what is missing."""
+    (tmp_path / "head.csv").write_text(text)
+    for given in ((), ("--fs-hz", FS)):
+        said = twingap(tmp_path / "head.csv", "--speed-rpm", 1800, *given, "--dry-run")
+        refused(said, "head.csv", "holds no samples", "export it again with its samples")
+
+
+@pytest.mark.parametrize("cell", ["", "  ", '""'])
+def test_a_column_without_values_is_named_before_anything_is_written(twingap: Run, tmp_path: Path, cell: str) -> None:
+    file, words = tmp_path / "a.csv", ("--speed-rpm", 1800, "--dry-run")
+    file.write_text("time,acc\n" + "".join(f"{t:.6f},{cell}\n" for t in T))
+    said = twingap(file, *words)
+    refused(said, "a.csv, channel acc: all of its cells are empty; export it again with its values, or take another")
+    refused(twingap(file, "--channel", "acc", *words), "channel acc: all of its cells are empty")
+    file.write_text("time,acc,other\n" + "".join(f"{t:.6f},{cell},{x}\n" for t, x in zip(T, X, strict=True)))
+    said = twingap(file, *words)
+    assert said.status == 0 and "1 record understood" in said.out
+    assert "channel 'acc' is left out: all of its cells are empty" in " ".join(said.out.split())
+
+
+def test_a_set_states_that_its_speed_is_from_a_tacho(twingap: Run, tmp_path: Path) -> None:
+    """So that reports do not advise to record one."""
+    file = export(tmp_path / "a.csv", tacho=True)
+    assert twingap(file, "--tacho-channel", "Drehzahl", "--out", tmp_path / "set").status == 0
+    conditions = read_record_set(tmp_path / "set").conditions
+    assert records_have(conditions) == {"tacho": "column speed_from of records.csv"}
+    assert twingap(file, "--speed-rpm", 1800, "--out", tmp_path / "stated").status == 0
+    assert records_have(read_record_set(tmp_path / "stated").conditions) == {}
 
 
 def test_speed_from_a_column_units_and_scale(twingap: Run, tmp_path: Path) -> None:

@@ -77,6 +77,20 @@ def test_records_at_several_speeds_help_each_other() -> None:
 
 
 @pytest.mark.parametrize("seed", range(4))
+def test_two_of_four_records_that_keep_clear_of_the_mains_are_enough(seed: int) -> None:
+    def four(hum: float) -> list[Record]:
+        speeds = enumerate((1500.0, 1500.0, 1650.0, 1710.0))
+        return [one for i, rpm in speeds for one in records(rpm, 2.0, hum=hum, count=1, seed=10 * seed + i)]
+
+    found = MainsInterference.read_off(four(HUM), four(0.0))
+    assert found["level"] == pytest.approx(HUM, rel=0.15) and found["mains_hz"] == 50.0
+    assert MainsInterference.read_off(four(0.0), four(0.0)) == {}
+    assert MainsInterference.not_read_off([r.condition for r in four(HUM)]) == ""
+    why = MainsInterference.not_read_off([r.condition for r in four(HUM)[:3]])
+    assert why.startswith("in 2 of 3 records") and why.endswith("at a speed of which no multiple lies at 50 Hz")
+
+
+@pytest.mark.parametrize("seed", range(4))
 def test_a_hum_that_noise_nearly_hides_is_read_off_many_records(seed: int) -> None:
     own = records(1800.0, 1.0, noise=0.5, shaft=0.0, count=12, seed=seed)
     assert level(own) == pytest.approx(HUM, rel=0.15)

@@ -13,9 +13,11 @@ from twingap.bearing import BEARINGS
 from twingap.effects import make_effect, trainable
 from twingap.errors import TwingapError
 from twingap.gap import api, diagnose
-from twingap.gap.api import _few_turns, _notes, _status
+from twingap.gap.api import _calibration_after, _few_turns, _notes, _slip_not_named, _status
 from twingap.gap.distance.closure import Closure
-from twingap.gap.report.files import read_report, to_json
+from twingap.gap.report.files import from_json, read_report, to_json
+from twingap.gap.report.formats import number
+from twingap.gap.report.model import REFERENCE
 from twingap.gap.report.schema import problems
 from twingap.records import Condition, RecordSet
 from twingap.records.folder import read_record_set, write_record_set
@@ -89,6 +91,17 @@ def test_the_report_keeps_the_contract(clipped):
     assert 0.2 < math.fsum(place.share for place in clipped.report.places) <= 1 + 1e-9
 
 
+def test_values_calibrated_with_the_named_effects_are_in_the_report_where_they_differ(clipped):
+    before, after = clipped.report.calibration, clipped.report.calibration_after
+    spec = clipped.explanation.after.simulator.spec.parameters
+    assert after and set(after) <= set(before) - {REFERENCE}
+    assert all(after[name].value == spec[name] for name in after if "." not in name)
+    assert all(number(spec[name]) == number(before[name].value) for name in {"resonance_hz", "scale"} - set(after))
+    assert from_json(to_json(clipped.report)).calibration_after == after
+    calm = SimpleNamespace(before=clipped.explanation.before, after=clipped.explanation.before)
+    assert _calibration_after(calm) == {}
+
+
 def test_machine_and_twin_alike_leave_nothing_to_name(learnt):
     report = run(machine(seed=3, count=8), learnt).report
     assert report.verdict.status == "no_gap" and report.verdict.effects == ()
@@ -160,9 +173,32 @@ def test_another_level_with_the_named_effects_is_notes():
         pair = [SimpleNamespace(simulator=SimpleNamespace(gain=gain, notes=())) for gain in (before, after)]
         return SimpleNamespace(names=(), cannot={}, before=pair[0], after=pair[1])
 
-    assert list(_notes(found(3.0, 3.02))) == []
-    (told,) = _notes(found(3.0, 4.5))
+    evidence = SimpleNamespace(calibrated=SimpleNamespace(speeds=SimpleNamespace(slip=0.0)))
+    assert list(_notes(found(3.0, 3.02), evidence, 0.7)) == []
+    (told,) = _notes(found(3.0, 4.5), evidence, 0.7)
     assert "by 3 as they are and by 4.5 with the named effects" in told
+
+
+def test_a_slip_that_the_speeds_show_and_no_name_states_is_explained():
+    def noted(slip=0.0099, gap=True, names=(), modelled=()):
+        evidence = SimpleNamespace(calibrated=SimpleNamespace(speeds=SimpleNamespace(slip=slip)), modelled=modelled)
+        found = SimpleNamespace(gap=gap, names=names, probability={"mean_slip": 0.384})
+        return list(_slip_not_named(evidence, found, 0.7))
+
+    assert noted(slip=0.0) == noted(names=("mean_slip",)) == []
+    (note,) = noted()
+    assert note.startswith("mean_slip is not named for this slip of 0.99 %: its probability is 38%")
+    assert "an effect is named from 70%" in note
+    assert noted(gap=False)[0].endswith("records and twin cannot be distinguished")
+    assert noted(modelled=("mean_slip",))[0].endswith("the twin models it")
+
+
+def test_the_note_on_a_slip_that_is_not_named_is_in_the_report(learnt, few_effects):
+    few_effects("mean_slip")
+    report = run(machine([make_effect("mean_slip", {"slip": 0.002})], count=8), learnt).report
+    stated = [note for note in report.notes if "lags its kinematic speed by" in note]
+    assert len(stated) == 1 and "mean_slip" not in report.verdict.effects
+    assert report.notes[report.notes.index(stated[0]) + 1].startswith("mean_slip is not named for this slip of 0.")
 
 
 @pytest.mark.parametrize(("speed_rpm", "duration_s", "advised"), [(300.0, 0.5, "0.8 s"), (1800.0, 0.1, "0.5 s")])

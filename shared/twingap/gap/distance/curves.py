@@ -105,5 +105,7 @@ def _label(conditions: Sequence[Condition]) -> str:
     low, high = min(speeds), max(speeds)
     speed = f"{low:.0f}" if high - low < 0.01 * high else f"{low:.0f} to {high:.0f}"
     loads = [c.load_n for c in conditions if c.load_n is not None]
-    load = "" if not loads or len(loads) < len(speeds) else f", {min(loads):g} to {max(loads):g} N"
+    load = ""
+    if loads and len(loads) == len(speeds):
+        load = f", {' to '.join(dict.fromkeys(f'{end:g}' for end in (min(loads), max(loads))))} N"
     return f"{'/'.join(faults)}, {speed} rpm{load}"

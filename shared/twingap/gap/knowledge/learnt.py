@@ -15,6 +15,9 @@ from twingap.gap.knowledge.null import NO_MACHINES, MachineScores, Null
 from twingap.gap.knowledge.score_calibration import ScoreCalibration
 from twingap.records import Array
 
+NAMED_FROM: Final = 0.75
+"""Probability from which an effect is named, where no score calibration was learnt. A larger value names fewer
+effects."""
 NO_DETECTOR: Final = -6.0
 """Log odds of an effect without a detector, or of one that the twin has."""
 
@@ -47,6 +50,11 @@ class Learnt:
     def errors(self) -> dict[tuple[str, str], float]:
         """(effect, parameter) -> bound on nine of ten errors, on the scale of `parameter_scale`."""
         return {key: estimator.error for key, estimator in self.estimators.items()}
+
+    @property
+    def named_from(self) -> float:
+        """Probability from which an effect is named."""
+        return NAMED_FROM if self.calibration is None else self.calibration.named_from
 
     def covers(self, effect: str) -> bool:
         """Whether this effect, with its current definition, was trained on."""

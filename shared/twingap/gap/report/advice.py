@@ -15,6 +15,7 @@ from twingap.config import to_toml
 from twingap.effects import catalogue
 from twingap.gap.distance.domain_names import DomainName
 from twingap.gap.distance.domains import DOMAIN
+from twingap.gap.report.at_hand import RECORDS_HAVE, without_what_is_there
 from twingap.gap.report.model import Candidate, GapReport, ParameterValue, Place, listed
 
 _HIDDEN_DB: Final = 6.0
@@ -93,7 +94,8 @@ def next_steps(report: GapReport) -> tuple[str, ...]:
             "Once you have a suspicion, write it as an effect of your own (five lines, see `twingap.effects`) and "
             "register it: the diagnosis tries it like any other."
         )
-    return tuple(steps)
+    had = report.provenance.get(RECORDS_HAVE, {})
+    return tuple(without_what_is_there(step, had) for step in steps)
 
 
 def _kind(place: Place) -> tuple[DomainName, bool, bool]:

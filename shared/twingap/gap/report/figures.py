@@ -9,6 +9,8 @@ dotted, so that colour is not the only difference.
 from __future__ import annotations
 
 import html
+import math
+import textwrap
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, Final
 
@@ -28,6 +30,8 @@ MOST_CANDIDATES: Final = 12
 MOST_PLACES: Final = 12
 _EVERYWHERE: Final = 0.8
 """Part of the axis from which a place is not shaded."""
+_NEAR: Final = 0.08
+"""Part of the axis below which two marked orders are beside each other: names overlap on a narrow screen."""
 MOST_POINTS: Final = 2000
 """Points of a line that the page holds; a longer one is thinned by taking the largest of each stretch."""
 _LINES: Final = (
@@ -76,41 +80,53 @@ def curve_figure(curve: Curve, places: Sequence[Place] = ()) -> Any:
             )  # fmt: skip
         at, line = _thinned(x, values) if not words else (x, list(values))
         hover = f"%{{y:.4g}} {html.escape(curve.y_unit)}"
-        if words:
+        if words:  # below each other, in short lines, since the names of conditions are long
             symbol = {"real": "circle", "before": "square", "after": "diamond"}[name]
             marker = {"symbol": symbol, "size": 12, "color": colour}
-            figure.add_scatter(x=at, y=line, mode="markers", marker=marker, name=label, hovertemplate=hover)
+            own = [str(place).replace(", ", "<br>") for place in at]
+            figure.add_scatter(
+                x=line, y=own, mode="markers", marker=marker, name=label, hovertemplate=hover.replace("y:", "x:")
+            )
         else:
             style = {"color": colour, "dash": dash, "width": width}
             figure.add_scatter(x=at, y=line, mode="lines", line=style, name=label, hovertemplate=hover)
     if not words:
         _mark(figure, curve, places, x)
         _mark_orders(figure, curve)
-    figure.update_layout(hovermode="x unified" if not words else "closest")
-    figure.update_xaxes(title=html.escape(_AXES.get(curve.x_unit, curve.x_unit)), automargin=True)
-    figure.update_yaxes(title=html.escape(curve.y_unit), type="log" if curve.log_y else "linear", automargin=True)
+    values = figure.update_xaxes if words else figure.update_yaxes
+    values(title=html.escape(curve.y_unit), type="log" if curve.log_y else "linear", automargin=True)
     if curve.log_y:
-        figure.update_yaxes(exponentformat="power", dtick=1)
+        values(exponentformat="power", dtick=1)
+    if words:
+        figure.update_yaxes(range=[len(x) - 0.4, -0.6], automargin=True)
+        return _styled(figure, height=150 + 64 * len(x), top=66)
+    figure.update_xaxes(title=html.escape(_AXES.get(curve.x_unit, curve.x_unit)), automargin=True)
+    figure.update_layout(hovermode="x unified")
     return _styled(figure, height=430 if curve.domain == "frequency" else 360, top=66)
 
 
 def shares_figure(places: Sequence[Place]) -> Any:
-    """Shares of the gap as bars, coloured alike and numbered as on the curves."""
+    """Shares of the gap as bars, coloured alike and numbered as on the curves; each place is named above its bar."""
     import plotly.graph_objects as go
 
     shown = list(places[:MOST_PLACES])
     labels = [f"{i}  {_label(p)}" for i, p in enumerate(shown, 1)]
     figure = go.Figure(
         go.Bar(
-            x=[100 * p.share for p in shown], y=labels, orientation="h", marker={"color": AFTER},
-            text=[f"{100 * p.share:.0f} %" for p in shown], textposition="outside", cliponaxis=False,
-            customdata=[f"{p.p_value:.2g}" for p in shown],
-            hovertemplate="%{y}<br>%{x:.1f} % of the gap, p = %{customdata}<extra></extra>",
+            x=[100 * p.share for p in shown], y=list(range(len(shown))), orientation="h", width=0.42,
+            marker={"color": AFTER}, text=[f"{100 * p.share:.0f} %" for p in shown], textposition="outside",
+            cliponaxis=False, customdata=[[of, f"{p.p_value:.2g}"] for of, p in zip(labels, shown, strict=True)],
+            hovertemplate="%{customdata[0]}<br>%{x:.1f} % of the gap, p = %{customdata[1]}<extra></extra>",
         )
     )  # fmt: skip
+    for place, label in enumerate(labels):
+        figure.add_annotation(
+            x=0, y=place - 0.2, text=label, showarrow=False, xanchor="left", yanchor="bottom", font={"size": 14}
+        )
     figure.update_xaxes(title="share of the gap (%)", range=[0, max(5.0, 118 * shown[0].share)])
-    figure.update_yaxes(autorange="reversed", automargin=True)
-    return _styled(figure, height=110 + 34 * len(shown), top=30)
+    figure.update_yaxes(range=[len(shown) - 0.6, -0.9], showticklabels=False)
+    figure = _styled(figure, height=100 + 48 * len(shown), top=10)
+    return figure.update_yaxes(ticks="", showgrid=False)
 
 
 def attribution_figure(shares: Sequence[GroupShare]) -> Any:
@@ -127,7 +143,7 @@ def attribution_figure(shares: Sequence[GroupShare]) -> Any:
             hovertemplate="%{y}: %{x:.0f} % of the gap<br>%{customdata}<extra></extra>",
         )
     )  # fmt: skip
-    figure.update_xaxes(title="part of the gap that closes (%), with 90 % interval")
+    figure.update_xaxes(title="closes (% of the gap)")
     figure.update_yaxes(autorange="reversed", automargin=True)
     return _styled(figure, height=120 + 36 * len(shares), top=30)
 
@@ -163,10 +179,7 @@ def closures_figure(candidates: Sequence[Candidate], effects: Sequence[str]) -> 
     # Intervals may be wild where an effect does nothing; they must not squeeze the rest together.
     low = min(-10.0, *(100 * c.closure for c in shown), *(max(100 * c.closure_ci[0], -60.0) for c in shown))
     high = max(112.0, *(100 * c.closure for c in shown), *(min(100 * c.closure_ci[1], 150.0) for c in shown))
-    figure.update_xaxes(
-        title="closure: part of the gap that it closes on held-out records (%)",
-        range=[max(low, -100.0) - 4, min(high, 200.0)],
-    )
+    figure.update_xaxes(title="closes (% of the gap)", nticks=5, range=[max(low, -100.0) - 4, min(high, 200.0)])
     figure.update_yaxes(categoryorder="array", categoryarray=order, autorange="reversed", automargin=True)
     return _styled(figure, height=130 + 34 * len(shown), top=40)
 
@@ -176,7 +189,7 @@ def metrics_figure(metrics: Sequence[Metric]) -> Any:
     import plotly.graph_objects as go
 
     shown = [m for m in metrics if m.closure is not None]
-    names = [html.escape(m.metric.replace("_", " ")) for m in shown]
+    names = ["<br>".join(map(html.escape, textwrap.wrap(m.metric.replace("_", " "), 24))) for m in shown]
     left = [100 * _left(m, m.after) for m in shown]
     parts = [sorted(_left(m, v) for v in m.ci_after) for m in shown]
     ends = [[100 * v for v in part] for part in parts]
@@ -201,10 +214,9 @@ def metrics_figure(metrics: Sequence[Metric]) -> Any:
     )  # fmt: skip
     figure.add_vline(x=0, line={"color": REAL, "width": 2})
     low, high = min(-12.0, *(max(e[0], -60.0) for e in ends)), max(108.0, *(min(e[1], 180.0) for e in ends), *left)
-    figure.update_xaxes(title="gap left (%): 100 calibrated twin, 0 records against records",
-                        range=[max(low, -100.0) - 3, min(high, 300.0) + 3])  # fmt: skip
+    figure.update_xaxes(title="gap left (%)", nticks=6, range=[max(low, -100.0) - 3, min(high, 300.0) + 3])
     figure.update_yaxes(categoryorder="array", categoryarray=names, autorange="reversed", automargin=True)
-    return _styled(figure, height=140 + 38 * len(shown), top=48)
+    return _styled(figure, height=140 + 42 * len(shown), top=48)
 
 
 def _errors(values: Sequence[float], parts: Sequence[Sequence[float]], **style: Any) -> dict[str, Any]:
@@ -245,12 +257,16 @@ def _mark(figure: Any, curve: Curve, places: Sequence[Place], x: Sequence[float]
 
 
 def _mark_orders(figure: Any, curve: Curve) -> None:
-    """Thin lines at the orders that have a name, the names below the axis so that those of places stay free."""
-    for name, at in curve.marks.items():
+    """Thin lines at the orders that have a name; the names stand at the bottom, where those of places do not, and of
+    two lines beside each other on the outer sides."""
+    near, before = _NEAR * (float(curve.x[-1]) - float(curve.x[0])), -math.inf
+    for name, at in sorted(curve.marks.items(), key=lambda mark: mark[1]):
+        anchor = "left" if at - before < near else "right"
+        before = at if anchor == "right" else -math.inf
         figure.add_vline(
             x=at, line={"color": GREY, "width": 1, "dash": "dot"}, layer="below",
             annotation={"text": html.escape(name), "textangle": -90, "yref": "paper", "y": 0.02, "yanchor": "bottom",
-                        "xanchor": "right", "x": at, "showarrow": False, "font": {"size": 12, "color": "#5c5c5c"}},
+                        "xanchor": anchor, "x": at, "showarrow": False, "font": {"size": 12, "color": "#5c5c5c"}},
         )  # fmt: skip
 
 
@@ -292,12 +308,12 @@ def _styled(figure: Any, height: int, top: int) -> Any:
         template="none", height=height, margin={"l": 20, "r": 24, "t": top, "b": 60},
         font={"family": "system-ui, -apple-system, 'Segoe UI', Roboto, 'DejaVu Sans', sans-serif", "size": 15},
         legend={"orientation": "h", "traceorder": "normal", "yanchor": "bottom", "y": 1, "x": 0, "font": {"size": 14}},
-        hoverlabel={"font": {"size": 14}},
+        hoverlabel={"font": {"size": 14}}, paper_bgcolor="rgba(0, 0, 0, 0)", plot_bgcolor="rgba(0, 0, 0, 0)",
     )  # fmt: skip
     axis = {
         "showgrid": True, "gridcolor": "#ececec", "zeroline": False, "showline": True, "linecolor": "#242424",
         "ticks": "outside", "tickcolor": "#242424", "title_standoff": 12,
     }  # fmt: skip
-    figure.update_xaxes(axis)
+    figure.update_xaxes(axis, tickangle=0)
     figure.update_yaxes(axis)
     return figure

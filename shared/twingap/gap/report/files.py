@@ -44,6 +44,7 @@ def to_json(report: GapReport) -> dict[str, Any]:
         "rest": [_place(p) for p in report.rest],
         "tests": plain(report.tests),
         "calibration": plain(report.calibration),
+        "calibration_after": plain(report.calibration_after),
         "notes": list(report.notes),
         "provenance": plain(report.provenance),
         "curves": {name: _nulls(plain(curve)) for name, curve in report.curves.items()},

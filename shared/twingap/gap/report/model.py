@@ -407,6 +407,8 @@ class GapReport:
         Remarks on what could not be decided, and on replacements.
     calibration : Mapping[str, ParameterValue]
         Identified parameters of the twin, the speed correction (speed_correction) and the unit gain (unit_gain).
+    calibration_after : Mapping[str, ParameterValue]
+        Those that differ where the twin was calibrated again with the named effects.
     rest : tuple[Place, ...]
         Where the unexplained rest lies, the largest share first.
     curves : Mapping[str, Curve]
@@ -426,6 +428,7 @@ class GapReport:
     tests: tuple[TwoSampleTest, ...] = ()
     curves: Mapping[str, Curve] = field(default_factory=dict)
     closest: ClosestTwin = field(default_factory=lambda: ClosestTwin())
+    calibration_after: Mapping[str, ParameterValue] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         places, rest = (tuple(sorted(own, key=lambda p: -p.share)) for own in (self.places, self.rest))

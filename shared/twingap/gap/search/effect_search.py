@@ -51,9 +51,6 @@ MOST_EFFECTS: Final = 7
 """Largest number of effects that a search adds. A larger number takes longer where the rest stays large."""
 LEVEL: Final = 0.9
 """Joint probability of a confidence set. A larger value gives larger sets."""
-NAMED_FROM: Final = 0.75
-"""Probability from which an effect is named, where no score calibration was learnt. A larger value names fewer
-effects."""
 _UNCERTAIN: Final = 0.003
 """Probability from which an effect is uncertain (symmetric about one half). A smaller value gives larger confidence
 sets."""
@@ -230,8 +227,7 @@ def explain(evidence: Evidence, learnt: Learnt, progress: Progress) -> Explanati
     gap = p_value <= level_of_gap(evidence, max((probability[n] for n in ended.outcomes), default=0.0))
     # A twin is never calibrated perfectly: an effect that makes up for that is no effect that is missing.
     sure = [name for name, p in tested.items() if gap and p <= unlearnt.LEVEL / len(own)]
-    limit = NAMED_FROM if calibration is None else calibration.named_from
-    names = [*sure, *to_name({name: probability[name] for name in ended.outcomes}, limit)]
+    names = [*sure, *to_name({name: probability[name] for name in ended.outcomes}, learnt.named_from)]
     found.keep([name for name in found.values if name in names])
     if gap:
         found.add([name for name in names if name not in found.values])

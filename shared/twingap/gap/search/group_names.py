@@ -8,7 +8,7 @@ from typing import Final
 from twingap.effects import catalogue
 from twingap.gap.knowledge.learnt import Learnt
 from twingap.gap.report.model import GroupName
-from twingap.gap.search.effect_search import NAMED_FROM, Explanation
+from twingap.gap.search.effect_search import Explanation
 
 _MEMBER: Final = 0.05
 """Probability from which a member is listed. A smaller value lists members that are hardly possible."""
@@ -32,11 +32,10 @@ def groups_of(found: Explanation, learnt: Learnt) -> tuple[GroupName, ...]:
     for name, probability in found.probability.items():
         if group := known[name].group:
             members.setdefault(group, {})[name] = min(max(probability, 0.0), 1.0)
-    limit = NAMED_FROM if learnt.calibration is None else learnt.calibration.named_from
     out = []
     for group, own in members.items():
         some = 1 - math.prod(1 - p for p in own.values())
         listed = sorted((name for name, p in own.items() if p >= _MEMBER), key=lambda name: -own[name])
-        if some >= limit and listed:
+        if some >= learnt.named_from and listed:
             out.append(GroupName(group, tuple(listed), some))
     return tuple(sorted(out, key=lambda one: -one.probability))

@@ -33,8 +33,20 @@ def _inspect(path: Path) -> Contents:
         mend = f'name a row as the channel ("row 0"), or write at most {MOST_CHANNELS} columns'
         return Contents((Entry("0", rows, what, mend),), False, found.fs_hz, {"": (rows, width)}, found.notes)
     units = [unit or _unit(name) for name, unit in zip(found.names, found.units, strict=True)]
-    entries = tuple(Entry(name, rows, unit=unit) for name, unit in zip(found.names, units, strict=True))
+    entries = tuple(
+        Entry(name, rows, *_no_values(found, place), unit)
+        for place, (name, unit) in enumerate(zip(found.names, units, strict=True))
+    )
     return Contents(entries, fs_hz=found.fs_hz, notes=found.notes)
+
+
+def _no_values(found: Layout, place: int) -> tuple[str | None, str | None]:
+    """Why a column is no vector of samples, and the remedy; None where it may be one."""
+    if place in found.empty:
+        return "all of its cells are empty", "export it again with its values, or take another column"
+    if found.text is not None:
+        return f"holds no samples: {found.text[:80]!r} found, a number expected", "export it again with its samples"
+    return None, None
 
 
 def _unit(name: str) -> str:

@@ -83,6 +83,10 @@ class Layout:
     fs_hz : float or None
         Sampling rate that the preamble states.
     notes : tuple of str
+    empty : frozenset of int
+        Columns of which all inspected cells are empty.
+    text : str or None
+        The first field of the rows, where none of the inspected ones is a number.
     """
 
     names: tuple[str, ...]
@@ -94,6 +98,8 @@ class Layout:
     skipped: int
     fs_hz: float | None
     notes: tuple[str, ...]
+    empty: frozenset[int] = frozenset()
+    text: str | None = None
 
     def cells(self, line: str) -> list[str]:
         """Fields of a line, without surrounding space."""
@@ -286,9 +292,13 @@ def _layout(lines: list[_Line], encoding: str) -> Layout:
     end = lines[-1].at + len(lines[-1].text.encode())
     named = names if names is not None else [str(i) for i in range(len(rows[first]) if table else len(rows[0]))]
     units += [""] * (len(named) - len(units))
+    filled = [(place, cell) for row in rows[first:] for place, cell in enumerate(row) if cell]
+    numbers = any(_is_number(cell) for _, cell in filled)
     return Layout(
         tuple(named), tuple(units), separator, decimal, encoding, table.at if table else end,
         table.number - 1 if table else lines[-1].number, rates.pop() if len(rates) == 1 else None, tuple(notes),
+        frozenset(range(len(named))) - {place for place, _ in filled} if table else frozenset(),
+        None if numbers or not filled else filled[0][1],
     )  # fmt: skip
 
 
@@ -515,7 +525,9 @@ def _names_columns(cells: list[str], line: _Line, below: Sequence[Sequence[str]]
                     f"{text[:80]!r} is neither a number nor the name of a column", where=line.number,
                     mend="separate fields by commas and write decimal points, or put a row of column names first",
                 )  # fmt: skip
-        if numbers and not (counted and second and all(_is_number(cell) for cell in second)):
+        if not any(_is_number(cell) for row in below for cell in row):  # lines above a table that is missing
+            return True
+        if numbers and not (counted and all(_is_number(cell) for cell in second)):
             raise TwingapError(
                 f"mixes numbers ({numbers[0][:80]!r}) and text ({texts[0][:80]!r})", where=line.number,
                 mend="put a row of column names first, none of them a number",

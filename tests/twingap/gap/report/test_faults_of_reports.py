@@ -7,11 +7,16 @@ import dataclasses
 import pytest
 
 from tests.twingap.gap.conftest import MakeReport
+from twingap.cli.gap import _print
 from twingap.gap.report.advice import contradictions, next_steps, place_words, warnings
-from twingap.gap.report.model import Curve, Metric, ParameterValue, Place, TwoSampleTest
-from twingap.gap.report.sections import confidence
+from twingap.gap.report.formats import number, value
+from twingap.gap.report.model import REFERENCE, Curve, GapReport, Metric, ParameterValue, Place, TwoSampleTest
+from twingap.gap.report.page import page
+from twingap.gap.report.sections import calibration, confidence
 from twingap.gap.report.sections.headline import headline
+from twingap.gap.report.sections.parts import Table
 from twingap.gap.report.sections.places import places_table
+from twingap.gap.report.together import only_together
 
 
 def test_orders_that_the_added_effect_made_are_not_looked_for_in_the_machine(make_report: MakeReport) -> None:
@@ -98,3 +103,52 @@ def test_the_table_says_who_has_more_and_what_became_of_a_place() -> None:
     table = places_table(places)
     assert "twin" in table.rows[0] and "larger" in table.rows[0]
     assert "with the effects" not in places_table([dataclasses.replace(places[0], after=None)]).head
+
+
+def test_effects_that_close_the_gap_only_together_are_said_to(
+    make_report: MakeReport, capsys: pytest.CaptureFixture[str]
+) -> None:
+    report = make_report("explained")  # from 4.1 to 0.8 dB
+    named = report.verdict.effects
+
+    def of(**alone: float) -> GapReport:
+        """The report with these distances where one of the named effects is left out."""
+        one = (dataclasses.replace(c, gap_before=alone.get(c.effect, c.gap_before)) for c in report.candidates)
+        return dataclasses.replace(report, candidates=tuple(one))
+
+    worse = of(second_resonance=4.6, slip_jitter=5.2)
+    said = only_together(worse)
+    assert said == (
+        "Second resonance and slip jitter close the gap only together, from 4.1 to 0.8: either of them alone widens "
+        "it, to 4.6 or more."
+    )
+    assert said in page(worse) and said not in page(report)
+    _print(worse)
+    assert said in " ".join(capsys.readouterr().out.split())
+    assert not only_together(of(second_resonance=4.6))
+    wide = dataclasses.replace(report.metrics[0], ci_before=(3.6, 4.8))  # 4.6 may be no larger
+    assert not only_together(dataclasses.replace(worse, metrics=(wide,)))
+    not_closed = dataclasses.replace(report.metrics[0], ci_after=(0.7, 4.3))
+    assert not only_together(dataclasses.replace(worse, metrics=(not_closed,)))
+    three = dataclasses.replace(worse, verdict=dataclasses.replace(report.verdict, effects=(*named, "sensor_rolloff")))
+    rolloff = dataclasses.replace(worse.candidates[2], gap_before=4.4)
+    third = dataclasses.replace(three, candidates=(*worse.candidates[:2], rolloff))
+    assert "without any one of them the others widen it, to 4.4 or more" in only_together(third)
+
+
+def test_values_that_the_named_effects_change_stand_beside_those_before(make_report: MakeReport) -> None:
+    report = make_report("explained")
+    given = {**report.calibration, REFERENCE: ParameterValue(0.52, "g")}
+    before = calibration.section(dataclasses.replace(report, calibration=given), {})
+    assert before is not None and isinstance(before.parts[0], Table)
+    assert list(before.parts[0].head) == ["parameter", "value (90 % interval)"]
+    assert before.parts[0].rows[-1] == ("healthy vibration", number(0.52, "g"))
+
+    changed = {"resonance_hz": ParameterValue(3355.0, "Hz")}
+    after = calibration.section(dataclasses.replace(report, calibration=given, calibration_after=changed), {})
+    assert after is not None and isinstance(after.parts[0], Table)
+    assert after.parts[0].head[-1] == "with the named effects"
+    shown = {row[0]: tuple(row[1:]) for row in after.parts[0].rows}
+    assert shown["resonance"] == (value(given["resonance_hz"]), number(3355.0, "Hz"))
+    assert shown["unit gain"] == ("9.81", "")  # does not differ
+    assert shown["healthy vibration"] == ("", number(0.52, "g"))  # of the twin with the effects alone

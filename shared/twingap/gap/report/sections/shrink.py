@@ -17,6 +17,8 @@ def section(report: GapReport, figures: Figures) -> Section | None:
     if not report.verdict.effects:
         text = "On held-out records; nothing was added."
     text += " The floor is records against records."
+    if "metrics" in figures:
+        text += " In the figure 100 % is the calibrated twin, 0 % the floor."
     return Section("How far the gap shrinks", text, (*figure(figures, "metrics"), metrics_table(report.metrics)))
 
 

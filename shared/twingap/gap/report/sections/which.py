@@ -8,6 +8,7 @@ from twingap.effects import catalogue
 from twingap.gap.report.formats import closure, name, parameters, undetermined
 from twingap.gap.report.model import REFERENCE, Candidate, GapReport, listed
 from twingap.gap.report.sections.parts import Cell, Figures, Line, Section, Table, figure
+from twingap.gap.report.together import only_together
 
 _SHOWN: Final = 6
 """Candidates that are listed at once, besides the verdict's."""
@@ -22,11 +23,13 @@ def section(report: GapReport, figures: Figures) -> Section | None:
     others = [c for c in report.candidates if c not in first]
     columns = ("closes (90 % interval)", "gap before → after", "fitted parameters (90 % interval)")
     rows = [_row(c, report) for c in (*first, *others)]
-    return Section(
-        "Which effect is missing",
+    text = (
         "Every effect of the catalogue that the twin does not have yet: probability that the machine has it, and the "
         "part of the gap that it closes on records not used to fit it, beside the verdict's other effects."
-        + (" ◆ marks the verdict." if report.verdict.effects else ""),
+    )
+    return Section(
+        "Which effect is missing",
+        " ".join(filter(None, (text, "◆ marks the verdict." * bool(report.verdict.effects), only_together(report)))),
         (*figure(figures, "closures"), Table(("effect", "probability", *columns), rows, len(first), "candidates")),
     )
 
