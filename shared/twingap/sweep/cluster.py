@@ -222,7 +222,7 @@ def open_cluster(address: str | None, n_jobs: int | None) -> Iterator[Cluster]:
     TwingapError
         When dask is not installed, no scheduler answers, or it has no workers.
     """
-    logging.getLogger("distributed").setLevel(logging.CRITICAL)
+    _quiet()
     with contextlib.ExitStack() as stack:
         if address is None:
             address, n_jobs = stack.enter_context(local_cluster(n_jobs)), None
@@ -248,7 +248,7 @@ def local_cluster(n_workers: int | None) -> Iterator[str]:
     start = distributed().LocalCluster
     import dask
 
-    logging.getLogger("distributed").setLevel(logging.CRITICAL)
+    _quiet()
     try:
         with deaf_to_interrupts(), dask.config.set(_LEAN):
             local = start(n_workers=n_workers, threads_per_worker=1, dashboard_address="127.0.0.1:0")
@@ -257,6 +257,12 @@ def local_cluster(n_workers: int | None) -> Iterator[str]:
         raise TwingapError(f"no dask cluster starts on this machine: {error}", mend=mend) from error
     with local:
         yield local.scheduler_address
+
+
+def _quiet() -> None:
+    """Leave out dask's messages, such as on lost workers."""
+    for name in ("distributed", "distributed.client"):
+        logging.getLogger(name).setLevel(logging.CRITICAL)
 
 
 def distributed() -> Any:
