@@ -61,7 +61,7 @@ def spectra(job: Machine) -> dict[str, object]:
 
 def measure(quick: bool) -> Measurement:
     """Seconds for 50 machines (4 small ones when quick), in turn, workers and processes already started."""
-    machines = [Machine(seed, 8 if quick else 40) for seed in range(4 if quick else 50)]
+    machines = [Machine(seed, 8 if quick else 20) for seed in range(4 if quick else 50)]
     results: dict[str, list[str]] = {}
     cpu: dict[str, list[float]] = {}
     with ExitStack() as stack:
