@@ -16,8 +16,11 @@ from pathlib import Path
 from typing import Any, Literal, TypeVar, Union
 
 from twingap.errors import TwingapError
+from twingap.files import open_text
 
 T = TypeVar("T")
+_DEEP = re.compile(r"""(?<![\w.-])(?:(?:[\w-]+|"[^"\n]*"|'[^'\n]*')[ \t]*\.[ \t]*){99}""")
+"""A dotted key of a hundred parts; the time and memory that `tomllib` takes grow with the square of their number."""
 
 
 def read_toml(path: str | os.PathLike[str]) -> dict[str, Any]:
@@ -29,12 +32,11 @@ def read_toml(path: str | os.PathLike[str]) -> dict[str, Any]:
         When the file is missing, a folder, not UTF-8 or not TOML.
     """
     try:
-        # utf-8-sig: some editors begin UTF-8 files with a byte-order mark.
-        return tomllib.loads(Path(path).read_text(encoding="utf-8-sig"))
-    except UnicodeDecodeError as error:
-        raise TwingapError("is not UTF-8 text", where=path, mend="save it as UTF-8") from error
-    except OSError as error:
-        raise TwingapError(f"cannot be read: {error.strerror or error}", where=path) from error
+        with open_text(path) as stream:
+            text = stream.read()
+        if _DEEP.search(text):
+            raise TwingapError("is not valid TOML: nested too deeply", where=path)
+        return tomllib.loads(text)
     except ValueError as error:  # TOMLDecodeError, and Python's errors for impossible dates and very long numbers
         raise TwingapError(f"is not valid TOML: {error}", where=path) from error
     except RecursionError as error:

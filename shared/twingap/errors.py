@@ -5,6 +5,9 @@ from __future__ import annotations
 import difflib
 from collections.abc import Iterable
 
+_LONGEST = 1500
+"""Longest message, in characters; the middle of longer ones, such as of a hostile name, is left out."""
+
 
 class TwingapError(Exception):
     """An error in the user's input; the message states what is wrong, where, and the remedy.
@@ -20,7 +23,7 @@ class TwingapError(Exception):
 
     Notes
     -----
-    ``str(error)`` is always one line; the command line prints it and exits with status 2.
+    ``str(error)`` is always one line without control characters; the command line prints it and exits with status 2.
     """
 
     def __init__(self, what: str, *, where: object = None, mend: str | None = None) -> None:
@@ -28,7 +31,8 @@ class TwingapError(Exception):
         line = what if where is None else f"{where}: {what}"
         if mend is not None:
             line += f"; {mend}"
-        super().__init__(" ".join(line.split()))
+        line = "".join(c if c.isprintable() else repr(c)[1:-1] for c in " ".join(line.split()))
+        super().__init__(line if len(line) <= _LONGEST else f"{line[: _LONGEST - 200]} ... {line[-200:]}")
 
 
 _MANY = 8

@@ -15,7 +15,7 @@ import stat
 from collections.abc import Iterable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, TextIO
 
 import numpy as np
 from numpy.typing import NDArray
@@ -142,6 +142,36 @@ def kind_of(path: str | os.PathLike[str]) -> Literal["file", "folder", "other", 
     except ValueError as error:
         raise TwingapError("is no file name", where=repr(str(path)), mend="leave out null characters") from error
     return "file" if stat.S_ISREG(mode) else "folder" if stat.S_ISDIR(mode) else "other"
+
+
+@contextmanager
+def open_text(path: str | os.PathLike[str], newline: str | None = None, most: int = 1 << 26) -> Iterator[TextIO]:
+    """Open a file of UTF-8 text, with or without a byte-order mark.
+
+    Parameters
+    ----------
+    path : path-like
+    newline : str or None
+        As in `open`.
+    most : int
+        Size in bytes above which it is refused, as it is held in memory.
+
+    Raises
+    ------
+    TwingapError
+        When it is missing, no regular file (reading a pipe may never end), too large, or not UTF-8.
+    """
+    if kind_of(path) == "other":
+        raise TwingapError("is not a regular file", where=path, mend="save its content as a file")
+    try:
+        with open(path, encoding="utf-8-sig", newline=newline) as stream:
+            if (size := os.fstat(stream.fileno()).st_size) > most:
+                raise TwingapError(f"has {size / 1e6:.0f} MB, at most {most / 1e6:.0f} MB expected", where=path)
+            yield stream
+    except UnicodeDecodeError as error:
+        raise TwingapError("is not UTF-8 text", where=path, mend="save it as UTF-8") from error
+    except OSError as error:
+        raise TwingapError(f"cannot be read: {error.strerror or error}", where=path) from error
 
 
 def save_npy(path: str | os.PathLike[str], array: NDArray[Any]) -> None:

@@ -87,6 +87,15 @@ def bomb_by_size() -> bytes:
     return bytes(whole[:central] + copies + end)
 
 
+def bomb_that_lies() -> bytes:
+    """A zip file of 200 MB that states ten bytes."""
+    whole = bytearray(zipped(("in.csv", bytes(200_000_000))))
+    central = whole.rindex(b"PK\x01\x02")
+    struct.pack_into("<I", whole, central + 24, 10)
+    struct.pack_into("<I", whole, 22, 10)
+    return bytes(whole)
+
+
 def nested(depth: int) -> bytes:
     """Archives within archives, each under a name of its own."""
     content = zipped(("in.csv", b"2"))
@@ -99,6 +108,7 @@ def nested(depth: int) -> bytes:
     ("content", "reason"),
     [
         (bomb_by_size, "unpacks to .* GB, .* are free"),
+        (bomb_that_lies, "cannot be unpacked"),
         (lambda: nested(12), "archives within archives"),
         (lambda: zipped(("in.csv", b"1"))[:-30], "cannot be unpacked"),
         (lambda: zipped(("in.csv", bytes(5000))).replace(b"\x4b\x4c", b"\xff\xff"), "cannot be unpacked|none of"),

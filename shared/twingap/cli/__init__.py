@@ -6,6 +6,7 @@ None of them leaves incomplete files.
 
 from __future__ import annotations
 
+import io
 import signal
 import sys
 import warnings
@@ -135,6 +136,9 @@ _MOVED: Final = {"train": "train", "study": "study blind", "public": "study publ
 def main() -> None:
     """Entry point of the `twingap` command."""
     signal.signal(signal.SIGTERM, _end)
+    for name in ("stdout", "stderr"):
+        if getattr(sys, name) is None:  # closed by whatever started this
+            setattr(sys, name, io.StringIO())
     # joblib replaces workers that use much memory; users need not act on it.
     warnings.filterwarnings("ignore", "A worker stopped while some jobs", UserWarning)
     if len(sys.argv) > 2 and sys.argv[1] == "gap" and sys.argv[2] in _MOVED and not Path(sys.argv[2]).is_dir():

@@ -25,7 +25,9 @@ def classify(
             help=f"orders: trees on lines at the bearing's orders and on levels; or a method of paper 3: {_METHODS}."
         ),
     ] = "orders",
-    machines: Annotated[int, typer.Option(help="Simulated machines per class to train a network on.", min=4)] = 200,
+    machines: Annotated[
+        int, typer.Option(help="Simulated machines per class to train a network on.", min=4, max=100_000)
+    ] = 200,
     steps: Annotated[int, typer.Option(help="Gradient steps of a network.", min=1)] = 600,
     match: Annotated[
         bool,

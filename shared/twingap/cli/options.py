@@ -129,15 +129,11 @@ def refuse_overwriting(out: Path, *read: Path) -> None:
 
 def _samples(folder: Path) -> Iterator[Path]:
     """Files of samples that a record set's table names; errors of the table are reported when it is read."""
-    import csv
+    from twingap.records.table import read_table
 
-    table = folder / "records.csv"
-    if not table.is_file():
-        return
-    with table.open(encoding="utf-8-sig", errors="replace", newline="") as lines, contextlib.suppress(csv.Error):
-        for row in csv.DictReader(lines):
-            if row.get("file"):
-                yield folder / str(row["file"]).strip()
+    with contextlib.suppress(TwingapError):
+        for row in read_table(folder / "records.csv", ("record", "file")):
+            yield folder / row.cells["file"].strip()
 
 
 def wrote(*paths: Path, as_json: bool = False) -> None:

@@ -194,7 +194,7 @@ def _outcomes(path: Path, options: LifeOptions, recordset: Path, unit: str, note
     from twingap.prognosis.run_records import in_unit, read_run
 
     if not path.is_dir():
-        if not path.is_file():
+        if not path.exists():
             raise TwingapError("does not exist", where=path, mend="name a record set or a table of runs")
         return read_outcomes(path)
     run = read_run(path, several="give each run to --prior as a separate record set")

@@ -23,6 +23,7 @@ from twingap.cli.options import (
 )
 from twingap.cli.progress import resumable
 from twingap.cli.tracking import Track, Tracking
+from twingap.errors import TwingapError
 
 app = typer.Typer(help="Studies of the diagnosis: on worlds of known truth, on public records.", no_args_is_help=True)
 
@@ -148,6 +149,8 @@ def public(
 
     tracking = Tracking("study public", track, tracking_uri)
     names, wanted = (tuple(dict.fromkeys(n.strip() for n in text.split(",") if n.strip())) for text in (sets, parts))
+    if not wanted:
+        raise TwingapError("names no part", where="--parts", mend="leave it out, or name verdicts or closest")
     plan = Plan(names, seed, pieces, splits, injections, single_pieces, wanted)
     with resumable("sets") as shown:
         table = run_public(

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -126,7 +127,8 @@ class Understood:
     def load(self, unit: str) -> Record:
         """The record, in a unit."""
         convert = {("g", "m/s^2"): _G, ("m/s^2", "g"): 1 / _G}.get((self.unit, unit), 1.0)
-        return Record(self.condition, self.channel.load() * (self.factor * convert))
+        with np.errstate(over="ignore"):  # refused where the record is written, as samples that are not finite
+            return Record(self.condition, self.channel.load() * (self.factor * convert))
 
     def row(self) -> dict[str, Any]:
         """For a table."""
@@ -162,7 +164,7 @@ def bearing_of(text: str) -> Bearing:
         numbers = [float(part) for part in parts]
         if len(numbers) not in (3, 4) or numbers[0] != int(numbers[0]):
             raise ValueError
-    except ValueError:
+    except (ValueError, OverflowError):
         raise TwingapError(
             f"unknown bearing {text!r}", where="--bearing",
             mend=f"{one_of(text, BEARINGS, 'bearings')}; or give its geometry: number of rollers, roller diameter, "
@@ -184,8 +186,8 @@ def understand(paths: Sequence[Path], options: ImportOptions) -> list[Understood
     pattern = None if options.names is None else _pattern(options.names)
     found = [record for path in paths for record in _of_file(path, options, pattern, several=len(paths) > 1)]
     names = [record.condition.name for record in found]
-    for name in names:
-        if names.count(name) > 1:
+    for name, count in Counter(names).items():
+        if count > 1:
             raise TwingapError(f"several records would be called {name!r}", where=name, mend="rename the files")
     usual = float(np.median([record.condition.duration_s for record in found])) if found else 0.0
     return [_with_note_on_length(record, usual) for record in found]

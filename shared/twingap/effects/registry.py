@@ -27,6 +27,7 @@ from twingap.config import build
 from twingap.effects.base import Effect, Stage, effect_name, snake_case
 from twingap.effects.by_state import UNITS, State, by_state
 from twingap.errors import TwingapError, one_of
+from twingap.files import open_text
 
 __all__ = [
     "EffectFile",
@@ -200,12 +201,8 @@ def load_effects(path: str | os.PathLike[str]) -> tuple[str, ...]:
     TwingapError
         When the file cannot be read or run, registers nothing, or registers what is no effect of the user's own.
     """
-    try:
-        text = Path(path).read_text(encoding="utf-8-sig")
-    except OSError as error:
-        raise TwingapError(f"cannot be read: {error.strerror}", where=path, mend="name a Python file") from error
-    except UnicodeDecodeError as error:
-        raise TwingapError("is not UTF-8 text", where=path, mend="name a Python file") from error
+    with open_text(path) as stream:
+        text = stream.read()
     return tuple(load_file(EffectFile(os.fspath(Path(path).absolute()), text)))
 
 

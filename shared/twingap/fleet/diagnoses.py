@@ -26,6 +26,7 @@ from twingap.gap.report.files import dumped, from_json, to_json, write_report
 from twingap.provenance import digest_of_code, digest_of_value, versions
 from twingap.records.folder import read_record_set
 from twingap.sweep import Result, SweepError, sweep
+from twingap.sweep.cluster import local_cluster
 from twingap.twins.twin_file import TwinSpec, read_twin, tables_of
 
 STORE: Final = ".diagnoses"
@@ -101,6 +102,11 @@ def run_fleet(
     """
     root, out, spec = Path(folder).absolute(), Path(out), read_twin(twin)
     found = {path.encode("utf-8", "backslashreplace").decode(): path for path in find_record_sets(folder, out)}
+    if backend == "dask" and address is None:
+        with local_cluster(jobs) as own:  # one for reading and for diagnosing
+            return run_fleet(
+                folder, twin, out, seed=seed, quick=quick, backend="dask", address=own, progress=progress
+            )  # fmt: skip
     reasons = {name: "the path is not UTF-8; rename it" for name, path in found.items() if name != path}
     where = {"backend": backend, "address": address, "n_jobs": jobs}
 

@@ -5,7 +5,6 @@ features.csv --numeric columns--> time_s, features --sorted by time--> Run, note
 
 from __future__ import annotations
 
-import csv
 import math
 import os
 from pathlib import Path
@@ -18,6 +17,7 @@ from twingap.errors import TwingapError
 from twingap.prognosis.health_indicator import Run
 from twingap.prognosis.one_run import in_order, listed, side_by_side
 from twingap.records.measurable import LEAST, MOST
+from twingap.records.table import csv_rows
 
 Array = NDArray[np.float64]
 
@@ -96,15 +96,7 @@ def read_feature_table(path: str | os.PathLike[str], *, group: str | None = None
 
 def _rows(path: Path) -> tuple[list[str], list[tuple[int, list[str]]]]:
     """Header, and rows with their line numbers from 1."""
-    try:
-        with path.open(encoding="utf-8-sig", newline="") as stream:
-            lines = [(n, row) for n, row in enumerate(csv.reader(stream, strict=True), 1) if any(map(str.strip, row))]
-    except UnicodeDecodeError as error:
-        raise TwingapError("is not UTF-8 text", where=path, mend="save it as UTF-8") from error
-    except OSError as error:
-        raise TwingapError(f"cannot be read: {error.strerror or error}", where=path) from error
-    except (csv.Error, ValueError) as error:
-        raise TwingapError(f"is not a comma-separated table: {error}", where=path) from error
+    lines = csv_rows(path)
     if not lines:
         raise TwingapError("is empty", where=path, mend=f"begin it with a header: {TIME} and the features' names")
     header = [name.strip() for name in lines[0][1]]

@@ -11,7 +11,7 @@ from twingap.errors import TwingapError
 
 LEAST: Final = 1e-30
 MOST: Final = 1e30
-"""Bounds of the peak-to-peak value of samples: fourth powers beyond them underflow or overflow."""
+"""Bounds of the peak-to-peak value of samples and of their size: fourth powers beyond them underflow or overflow."""
 
 
 def refuse_unmeasurable(samples: NDArray[np.float64], where: str) -> None:
@@ -27,9 +27,9 @@ def refuse_unmeasurable(samples: NDArray[np.float64], where: str) -> None:
     ------
     TwingapError
     """
-    spread = float(np.ptp(samples))
-    if spread > 0 and not LEAST < spread < MOST:
+    spread, largest = float(np.ptp(samples)), float(np.abs(samples).max())
+    if 0 < spread <= LEAST or largest >= MOST:
         raise TwingapError(
-            f"samples spread over {spread:.3g}, which no accelerometer measures", where=where,
+            f"samples reach {largest:.3g} and spread over {spread:.3g}, which no accelerometer measures", where=where,
             mend="check the unit and how the file was read",
         )  # fmt: skip

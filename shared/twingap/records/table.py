@@ -6,6 +6,7 @@ Invalid cells are refused with file, row (numbered as in a spreadsheet: the head
 from __future__ import annotations
 
 import csv
+import functools
 import math
 import os
 import re
@@ -18,6 +19,7 @@ import numpy as np
 
 from twingap.bearing import FAULTS
 from twingap.errors import TwingapError
+from twingap.files import open_text
 from twingap.records.model import Condition
 
 COLUMNS: Final = ("record", "file", "channel", "speed_rpm", "fault", "load_n", "time_s", "fs_hz", "group")
@@ -26,6 +28,10 @@ COLUMNS: Final = ("record", "file", "channel", "speed_rpm", "fault", "load_n", "
 _WHOLE: Final = re.compile(r"[+-]?(0|[1-9]\d*)", re.ASCII)
 _NUMBER: Final = re.compile(r"[+-]?((0|[1-9]\d*)(\.\d*)?|\.\d+)([eE][+-]?\d+)?|[+-]?inf", re.ASCII)
 _DIGITS: Final = 400  # longest text that is parsed as a number; Python limits the conversion of long digit strings
+_LARGEST: Final = 1 << 30
+"""Largest table that is read, in bytes; its rows take several times as much memory."""
+_LONGEST: Final = 1 << 22
+"""Longest line that is read as one, in characters."""
 _TRUTHS: Final = {"true": True, "false": False, "True": True, "False": False}
 
 
@@ -115,16 +121,7 @@ def read_table(path: str | os.PathLike[str], needed: Sequence[str]) -> tuple[Row
         Naming file, row and column.
     """
     path = Path(path)
-    try:
-        # utf-8-sig: spreadsheets write a byte-order mark. strict: a stray quote is an error.
-        with path.open(encoding="utf-8-sig", newline="") as stream:
-            lines = [(n, row) for n, row in enumerate(csv.reader(stream, strict=True), 1) if any(map(str.strip, row))]
-    except UnicodeDecodeError as error:
-        raise TwingapError("is not UTF-8 text", where=path, mend="save it as UTF-8") from error
-    except OSError as error:
-        raise TwingapError(f"cannot be read: {error.strerror or error}", where=path) from error
-    except (csv.Error, ValueError) as error:
-        raise TwingapError(f"is not a comma-separated table: {error}", where=path) from error
+    lines = csv_rows(path)
     if not lines:
         raise TwingapError("is empty", where=path, mend=f"begin it with the columns {', '.join(needed)}")
     header = _header(path, lines[0], needed)
@@ -145,6 +142,23 @@ def read_table(path: str | os.PathLike[str], needed: Sequence[str]) -> tuple[Row
     if not rows:
         raise TwingapError("holds no records", where=path, mend="add a row per record")
     return tuple(rows)
+
+
+def csv_rows(path: Path) -> list[tuple[int, list[str]]]:
+    """Fields of a comma-separated UTF-8 table with the numbers of their rows, blank rows left out.
+
+    Raises
+    ------
+    TwingapError
+        When it cannot be read, or is not such a table.
+    """
+    try:
+        with open_text(path, newline="", most=_LARGEST) as stream:
+            lines = iter(functools.partial(stream.readline, _LONGEST), "")
+            # strict: a stray quote is an error.
+            return [(n, row) for n, row in enumerate(csv.reader(lines, strict=True), 1) if any(map(str.strip, row))]
+    except (csv.Error, ValueError) as error:
+        raise TwingapError(f"is not a comma-separated table: {error}", where=path) from error
 
 
 def _header(path: Path, line: tuple[int, list[str]], needed: Sequence[str]) -> list[str]:

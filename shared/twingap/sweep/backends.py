@@ -81,7 +81,10 @@ def open_pool(backend: str, address: str | None, n_jobs: int | None, threads: in
         return
     import joblib
 
-    count = n_jobs or joblib.cpu_count()
+    try:
+        count = n_jobs or joblib.cpu_count()
+    except ValueError as error:
+        raise TwingapError(f"{error}, a whole number expected", where="LOKY_MAX_CPU_COUNT") from error
     # Without shared memory, as in some containers, joblib has no processes, and says so.
     if backend == "loky" and count > 1 and "loky" in joblib.parallel.BACKENDS:
         with joblib.parallel_config(backend="loky", n_jobs=count, inner_max_num_threads=threads):

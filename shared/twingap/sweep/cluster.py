@@ -14,6 +14,7 @@ import importlib.metadata
 import logging
 import queue
 import time
+import warnings
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -22,7 +23,7 @@ from typing import Any, Final
 import cloudpickle
 
 from twingap.errors import TwingapError
-from twingap.sweep.processes import deaf_to_interrupts
+from twingap.sweep.processes import deaf_to_interrupts, keep_memory
 
 PATIENCE_S: Final = 300.0
 """How long a lost scheduler, or the first worker, is waited for; longer ones outlast slower restarts."""
@@ -30,6 +31,13 @@ CONNECT_S: Final = 3.0
 """Time limit of one attempt to reach a scheduler."""
 LOOK_S: Final = 1.0
 """Interval at which workers are counted while no task finishes."""
+
+
+_LEAN: Final = {
+    "distributed.nanny.pre-spawn-environ": {},  # set in this process too, whose later processes would be slower
+    "distributed.worker.profile.enabled": False,  # takes up to a sixth of a worker's processor time
+}
+"""Settings of a local cluster's workers."""
 
 
 class WorkerDiedError(Exception):
@@ -167,8 +175,9 @@ class Cluster:
 
     def _connected(self) -> Any:
         try:
-            return self._distributed.Client(self.address, timeout=CONNECT_S, set_as_default=False)
-        except (OSError, TimeoutError, ValueError) as error:
+            with warnings.catch_warnings(action="ignore"):
+                return self._distributed.Client(self.address, timeout=CONNECT_S, set_as_default=False)
+        except Exception as error:  # each kind of address has errors of its own
             mend = "start a scheduler there (dask scheduler), or leave the address out"
             raise TwingapError(f"no dask scheduler answers: {error}", where=self.address, mend=mend) from error
 
@@ -192,6 +201,7 @@ class Cluster:
 
 def _call(packed: bytes) -> Any:
     """Run a task in a worker; it is unpacked here, since a worker that fails to load a message ends without a word."""
+    keep_memory()
     task, arguments = cloudpickle.loads(packed)
     return task(*arguments)
 
@@ -212,19 +222,47 @@ def open_cluster(address: str | None, n_jobs: int | None) -> Iterator[Cluster]:
     TwingapError
         When dask is not installed, no scheduler answers, or it has no workers.
     """
-    logging.getLogger("distributed").setLevel(logging.CRITICAL)
+    _quiet()
     with contextlib.ExitStack() as stack:
         if address is None:
-            try:
-                with deaf_to_interrupts():
-                    local = distributed().LocalCluster(n_workers=n_jobs, threads_per_worker=1, dashboard_address=None)
-            except RuntimeError as error:
-                mend = "use the backend loky, or start a cluster and give its address"
-                raise TwingapError(f"no dask cluster starts on this machine: {error}", mend=mend) from error
-            address, n_jobs = stack.enter_context(local).scheduler_address, None
+            address, n_jobs = stack.enter_context(local_cluster(n_jobs)), None
         own = Cluster(address, n_jobs)
         stack.callback(own.close)
         yield own
+
+
+@contextmanager
+def local_cluster(n_workers: int | None) -> Iterator[str]:
+    """Address of a cluster on this machine, for the duration of the block.
+
+    Parameters
+    ----------
+    n_workers : int or None
+        With one thread each; None = one for each core.
+
+    Raises
+    ------
+    TwingapError
+        When dask is not installed, or its processes do not start.
+    """
+    start = distributed().LocalCluster
+    import dask
+
+    _quiet()
+    try:
+        with deaf_to_interrupts(), dask.config.set(_LEAN):
+            local = start(n_workers=n_workers, threads_per_worker=1, dashboard_address="127.0.0.1:0")
+    except RuntimeError as error:
+        mend = "use the backend loky, or start a cluster and give its address"
+        raise TwingapError(f"no dask cluster starts on this machine: {error}", mend=mend) from error
+    with local:
+        yield local.scheduler_address
+
+
+def _quiet() -> None:
+    """Leave out dask's messages, such as on lost workers."""
+    for name in ("distributed", "distributed.client"):
+        logging.getLogger(name).setLevel(logging.CRITICAL)
 
 
 def distributed() -> Any:

@@ -47,6 +47,7 @@ class MlflowTracker:
         _settle()
         if database is None:
             with _patience(retries=0, seconds=5):
+                self._reach()
                 self._open(None)
             return
         self.uri = f"sqlite:///{database}"
@@ -57,6 +58,14 @@ class MlflowTracker:
                 _quiet_mlflow()
                 make_database(database)
             self._open(database.parent / "artifacts" / clean_file(experiment))
+
+    def _reach(self) -> None:
+        """Raise where a database does not answer; MLflow would try for minutes."""
+        if self.uri.startswith(("postgresql", "mysql", "mssql")):
+            with _explained(self.uri):
+                import sqlalchemy
+
+                sqlalchemy.create_engine(self.uri).connect().close()
 
     def _open(self, artifacts: Path | None) -> None:
         with _explained(self.uri):

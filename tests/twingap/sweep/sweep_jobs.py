@@ -46,6 +46,16 @@ def brittle(job: Mapping[str, Any]) -> int:
     return int(job["seed"])
 
 
+def new_pages(_: object) -> int:
+    """Pages that the system hands out for arrays that are made and dropped one after the other."""
+    import resource
+
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_minflt
+    for _ in range(100):
+        np.ones(1 << 17)
+    return resource.getrusage(resource.RUSAGE_SELF).ru_minflt - before
+
+
 def threads_inside(_: object) -> list[int]:
     """Threads that BLAS and torch may use inside a job."""
     import threadpoolctl

@@ -56,9 +56,10 @@ class Parts:
             command = [sys.executable, "-m", "distributed.cli.dask_" + words[0], *words[1:]]
             # Tasks of a worker that died are reported as such at the first death, not at the fourth.
             paths = os.pathsep.join([str(HERE), *sys.path])
-            environment = {**os.environ, "DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES": "0", "PYTHONPATH": paths}
+            settings = {"DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES": "0", "PYTHONPATH": paths}
+            settings["MALLOC_TRIM_THRESHOLD_"] = "65536"  # as dask's nannies set it
             quiet = subprocess.DEVNULL
-            self.processes[name] = subprocess.Popen(command, env=environment, stdout=quiet, stderr=quiet)
+            self.processes[name] = subprocess.Popen(command, env={**os.environ, **settings}, stdout=quiet, stderr=quiet)
 
     def kill(self, *names: str) -> None:
         """End processes at once, as kill -9 or a lost machine does."""
@@ -135,6 +136,12 @@ def test_killed_client_worker_and_scheduler_lose_only_what_was_in_progress(
     assert all(again[str(seed)] == 1 for seed in reused)
 
 
+def test_workers_keep_the_memory_of_dropped_arrays(jobs: Any, parts: Parts) -> None:
+    (first, again) = sweep(jobs.new_pages, [{"i": 0}, {"i": 1}], backend="dask", address=parts.address, n_jobs=1)
+    pages_of_all = 100 * (1 << 20) / os.sysconf("SC_PAGESIZE")
+    assert min(first.value, again.value) < pages_of_all / 10
+
+
 def test_scheduler_that_does_not_come_back_ends_the_sweep(
     jobs: Any, parts: Parts, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -147,6 +154,28 @@ def test_scheduler_that_does_not_come_back_ends_the_sweep(
             address=parts.address, on_result=lambda _: parts.processes and parts.kill("scheduler", *workers),
         )  # fmt: skip
     assert list(tmp_path.glob("[!.]*.json"))
+
+
+def test_workers_that_are_killed_again_and_again_change_nothing(
+    jobs: Any, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    psutil = pytest.importorskip("psutil")
+    trimmed, killed = os.environ.get("MALLOC_TRIM_THRESHOLD_"), 0
+
+    def kill_one(_: object) -> None:
+        nonlocal killed
+        workers = [p for p in psutil.Process().children() if "spawn_main" in " ".join(p.cmdline())]
+        if killed < 3 and workers:
+            workers[0].kill()
+            killed += 1
+
+    todo = [jobs.Draw(seed, pause_s=0.2) for seed in range(10)]
+    got = sweep(jobs.draw, todo, store=tmp_path, backend="dask", n_jobs=2, on_result=kill_one)
+    local = sweep(jobs.draw, todo, backend="sequential")
+    assert killed == 3
+    assert all(same(a.value, b.value) for a, b in zip(got, local, strict=True))
+    assert os.environ.get("MALLOC_TRIM_THRESHOLD_") == trimmed, "processes started later are not slower"
+    assert not capfd.readouterr().err
 
 
 def test_job_that_kills_its_workers_is_named(jobs: Any, tmp_path: Path) -> None:

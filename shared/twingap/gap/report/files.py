@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Any
 
 from twingap.errors import TwingapError
-from twingap.files import replacing
+from twingap.files import open_text, replacing
 from twingap.gap.report.model import GapReport, Place
 from twingap.gap.report.page import page
 from twingap.gap.report.schema import problems, version
@@ -91,10 +91,9 @@ def read_report(path: str | os.PathLike[str]) -> GapReport:
     place = place / "gap.json" if place.is_dir() else place
     mend = "name a gap.json that `twingap gap` wrote"
     try:
-        table = json.loads(place.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise TwingapError(f"cannot be read: {error.strerror or error}", where=place, mend=mend) from error
-    except ValueError as error:
+        with open_text(place) as stream:
+            table = json.loads(stream.read())
+    except (ValueError, RecursionError) as error:
         raise TwingapError(f"is not JSON: {error}", where=place, mend=mend) from error
     if found := problems(table):
         raise TwingapError(f"is not a gap report: {found[0]}", where=place, mend=mend)

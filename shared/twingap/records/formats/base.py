@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -182,8 +183,8 @@ def named_elements(vectors: Iterable[str], texts: Mapping[str, str]) -> dict[str
         element, _, last = path.rpartition(".")
         if element in labels and element.endswith("]") and last.lower() in ("data", "values", "value", "signal", "y"):
             short[path] = f"{element.rpartition('[')[0]}/{labels[element]}"
-    names = list(short.values())
-    return {path: name for path, name in short.items() if names.count(name) == 1 and name not in paths}
+    count = Counter([*short.values(), *paths])
+    return {path: name for path, name in short.items() if count[name] == 1}
 
 
 @contextmanager

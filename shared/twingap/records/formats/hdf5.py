@@ -6,6 +6,7 @@ what lies in the file itself is read: soft and external links, external storage 
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Iterator
 from pathlib import Path
@@ -166,22 +167,31 @@ def _inspect(path: Path, separator: str, matlab: bool) -> Contents:
 
 
 def _load(path: Path, name: str, separator: str, matlab: bool) -> Any:
-    part = row_or_column(name)
-    wanted = {name} if part is None else {name, part[0]}
+    part, state = row_or_column(name), path.stat()
+    known = _places(path, separator, (state.st_mtime_ns, state.st_size, state.st_ino))
+    place, problem = known[name] if name in known or part is None else known[part[0]]
+    if problem is not None:
+        raise TwingapError(problem, where=f"{path}, channel {name}")
+    with _open(path) as file:
+        data = file[place]
+        if sum(n != 1 for n in data.shape) <= 1:
+            return data[()]
+        assert part is not None
+        along = (part[1] == "row") != matlab
+        return data[part[2]] if along else data[:, part[2]]
+
+
+@functools.lru_cache(maxsize=4)
+def _places(path: Path, separator: str, state: object) -> dict[str, tuple[Any, str | None]]:
+    """Channel -> where it lies in the file, and why it is not read; kept, as a file may have thousands of channels."""
     with _open(path) as file:
         leaves = list(_Walk(file, separator).group(file, ""))
         short = _names(leaves)
+        known: dict[str, tuple[Any, str | None]] = {}
         for leaf in leaves:
-            if leaf.path not in wanted and short.get(leaf.path) not in wanted:
-                continue
-            if leaf.problem is not None:
-                raise TwingapError(leaf.problem, where=f"{path}, channel {name}")
-            if sum(n != 1 for n in leaf.data.shape) <= 1:
-                return leaf.data[()]
-            assert part is not None
-            along = (part[1] == "row") != matlab
-            return leaf.data[part[2]] if along else leaf.data[:, part[2]]
-    raise KeyError(name)
+            for name in {leaf.path, short.get(leaf.path, leaf.path)}:
+                known.setdefault(name, (leaf.data.ref, leaf.problem))
+    return known
 
 
 def inspect_mat(path: Path) -> Contents:

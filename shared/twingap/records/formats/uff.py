@@ -4,17 +4,29 @@ from __future__ import annotations
 
 from collections import Counter
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 
+from twingap.errors import TwingapError
 from twingap.records.formats.base import Contents, Entry, Format, needed_for, not_real
+
+_FIRST: Final = 1 << 16
+"""Bytes from the beginning within which the first data set starts."""
+_LARGEST: Final = 1 << 30
+"""Largest file that is read, in bytes; reading takes several times as much memory."""
 
 
 def _functions(path: Path) -> list[tuple[int, dict[str, Any]]]:
     """Number and content of each data set 58."""
     with needed_for(path.suffix.lower(), "pyuff"):
         import pyuff
+    with path.open("rb") as stream:
+        if b"    -1" not in stream.read(_FIRST):
+            raise TwingapError("holds no universal data set", mend="export it again")
+    if (size := path.stat().st_size) > _LARGEST:  # pyuff reads all of it at once
+        mend = "export fewer functions to a file"
+        raise TwingapError(f"has {size / 1e6:.0f} MB, at most {_LARGEST / 1e6:.0f} MB are read", mend=mend)
     file = pyuff.UFF(str(path))
     kinds = np.atleast_1d(file.get_set_types())
     places = [i for i, kind in enumerate(kinds) if int(kind) == 58]
