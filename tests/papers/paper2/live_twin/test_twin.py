@@ -315,17 +315,6 @@ def test_temperature_is_followed_at_standstill_and_a_stop_at_first_changes_nothi
     assert twin.parameters == told(LiveTwin(BEARING, OWN, FS_HZ, options=OPTIONS), [cold]).parameters
 
 
-def test_a_state_of_a_clock_that_ran_ahead_is_not_fresh() -> None:
-    twin = LiveTwin(BEARING, OWN, FS_HZ, options=OPTIONS)
-    spectra = records(OWN, COLD, 7)
-    told(twin, [StateMessage(4e9 + 600 * i, 40.0, 1800.0) for i in range(2)])
-    told(twin, [Snapshot(600.0 * i, samples, FS_HZ) for i, samples in enumerate(spectra[:6])])
-    assert twin.journal.counts["snapshot", "begun anew"] == 1
-    assert twin.journal.counts["snapshot", "without a fresh state"] == 6 and not twin.journal.evaluations
-    told(twin, [StateMessage(4200.0, 40.0, 1800.0), Snapshot(4200.0, spectra[6], FS_HZ)])
-    assert len(twin.journal.evaluations) == 1
-
-
 @pytest.mark.parametrize("wrong", [{"allowance": 0.1, "rate": 1e-6}, {"rate": 0.0}, {"rate": float("nan")}])
 def test_a_detector_that_cannot_be_is_refused_before_the_first_message(wrong: dict[str, float]) -> None:
     with pytest.raises(TwingapError, match="drift detector") as caught:
