@@ -74,7 +74,6 @@ class Study:
     data: str = ""  # where the numbers come from, unless a step says it
     check: Callable[[Any, Path], None] | None = None  # raises `TwingapError` for what types of options cannot say
     metrics: Callable[[Work], Mapping[str, float | None]] = _nothing  # logged
-    notes: Callable[[Work], Iterable[str]] = lambda work: ()  # printed below the headlines
     at_hand: Callable[[Path | None], bool] = lambda root: True  # in that data root; else a paper leaves the study out
     letters: tuple[int, int] = (13, 12)  # sizes of letters in figures, and of those in legends, points
 
@@ -230,7 +229,6 @@ class Work:
             yield title, self.tables[name][list(self.study.columns.get(name, self.tables[name].columns))]
 
     def notes(self) -> Iterator[str]:
-        yield from self.study.notes(self)
         if self.missing:
             yield f"{self.study.name}: no data at hand for {', '.join(self.missing)}, left out"
         if self.finished:

@@ -6,10 +6,8 @@ messages --> Reorder --> state ------> temperature moved? --> clearance, damping
                           snapshots since the drift began --> `refit` from where the twin stands --> journal (drift,
                                                               again with each of the next few           following)
 
-The first snapshots commission the twin: they are fitted together and show how much deviations scatter. An alarm then
-names the parameter that drifts and since when. What is fitted grows with each further snapshot until `window` of them
-stand behind the new values; then the detector watches again. A machine that stands still does not show them: its
-snapshots are counted and left out.
+The first snapshots commission the twin. After an alarm it is fitted to the snapshots since the drift began, until
+`window` of them stand behind the new values; then the detector watches again.
 """
 
 from __future__ import annotations
@@ -26,7 +24,7 @@ from papers.arrays import Array
 from papers.paper2_digital_twin.live_twin.drift import Alarm, DriftDetector, threshold_for
 from papers.paper2_digital_twin.live_twin.journal import Evaluation, Journal, Kind, Update
 from papers.paper2_digital_twin.live_twin.laws import Laws
-from papers.paper2_digital_twin.live_twin.messages import Message, Snapshot, StateMessage, kind_of
+from papers.paper2_digital_twin.live_twin.messages import Message, Snapshot, StateMessage
 from papers.paper2_digital_twin.live_twin.order import OrderOptions, Reorder
 from papers.paper2_digital_twin.live_twin.refit import Fit, deviation, refit, relative_error
 from papers.paper2_digital_twin.live_twin.spectrum import FREE, Band, MachineState, Prediction, SpectrumModel
@@ -60,18 +58,6 @@ class LiveOptions:
     # standard deviations by which a further snapshot may be off while the twin follows a drift; beyond, older ones are
     # forgotten: the drift goes on
     restart: float = 4.0
-
-    def __post_init__(self) -> None:
-        limits = {
-            "temperature_step_k": (0.0, 100.0), "stale_s": (0.0, 1e9), "lowest_hz": (0.0, 1e6),
-            "commissioning": (4, 1000), "window": (4, 1000), "allowance": (0.1, 5.0), "spread": (1.1, 100.0),
-            "evaluations": (2, 100), "restart": (2.0, 1e9), "warm_up_k": (0.0, 1e9),
-        }  # fmt: skip
-        for key, (low, high) in limits.items():
-            if not low <= getattr(self, key) <= high:
-                raise TwingapError(
-                    f"{key} = {getattr(self, key)!r}, between {low:g} and {high:g} expected", where="live options"
-                )
 
 
 @dataclass(frozen=True)
@@ -147,32 +133,18 @@ class LiveTwin:
         return self.model.predict(self._theta, [state], self.band, slopes=False)[0].amplitude
 
     def receive(self, message: Message) -> list[Update]:
-        """Take a message as it arrives, whatever its order, and say what it led to; most lead to nothing.
-
-        Raises `TwingapError` when a message that the buffer let go could not be acted on. Those let go with it have
-        been, and what they led to is in the journal.
-        """
+        """Take a message as it arrives, whatever its order, and say what it led to; most lead to nothing."""
         return self._act_on(self._buffer.push(message))
 
     def flush(self) -> list[Update]:
-        """Act on all messages that still wait for earlier ones: the stream has ended. Raises as `receive` does."""
+        """Act on all messages that still wait for earlier ones: the stream has ended."""
         return self._act_on(self._buffer.flush())
 
     def _act_on(self, released: Iterable[Message]) -> list[Update]:
-        """One after another; the first error is raised when all have had their turn."""
         made: list[Update] = []
-        failed: Exception | None = None
         for message in released:
-            try:
-                found = self._told(message) if isinstance(message, StateMessage) else self._shown(message)
-            except Exception as error:
-                self.journal.counts[kind_of(message), "failed"] += 1
-                failed = failed or error
-            else:
-                self.journal.updates.extend(found)
-                made += found
-        if failed is not None:
-            raise failed
+            made += self._told(message) if isinstance(message, StateMessage) else self._shown(message)
+        self.journal.updates += made
         return made
 
     def _told(self, message: StateMessage) -> list[Update]:
@@ -200,8 +172,7 @@ class LiveTwin:
     def _shown(self, snapshot: Snapshot) -> list[Update]:
         """A snapshot: judged, and reacted to."""
         counts, began = self.journal.counts, time.process_time()
-        # Where the buffer began anew, the last state may be of a clock that ran ahead.
-        if self._state is None or not 0 <= snapshot.time_s - self._state.time_s <= self.options.stale_s:
+        if self._state is None or snapshot.time_s - self._state.time_s > self.options.stale_s:
             counts["snapshot", "without a fresh state"] += 1
             return []
         if not self._state.speed_rpm > 0:

@@ -18,7 +18,7 @@ from twingap.errors import TwingapError
 from twingap.prognosis.estimate import Estimate
 from twingap.prognosis.life_law import law_of, log_normal
 from twingap.prognosis.online import OnlineLife
-from twingap.prognosis.past_errors import PastIntervals, widening
+from twingap.prognosis.past_errors import PastIntervals, pooled_widening, widening
 from twingap.prognosis.prior import Prior
 from twingap.records.table import read_table
 
@@ -171,8 +171,8 @@ def prior_from(outcomes: Sequence[Outcome], load_n: float | None = None) -> Prio
     Prior
         Predictive laws of lives (see `life_law`), and the factor on the width of intervals by growth. Where
         `FEWEST_WITH_INTERVALS` runs have past intervals, each of them is pooled with the lives of the others: the
-        weight of growth minimises the error of log remaining life, and pooled intervals are as wide as these runs
-        needed, but not narrower than the product.
+        weight of growth minimises the error of log remaining life, and the width of pooled intervals follows from
+        what these runs needed (`past_errors.pooled_widening`).
     """
     prior = _laws(outcomes, load_n)
     if sum(own.past is not None for own in outcomes) < FEWEST_WITH_INTERVALS:
@@ -197,7 +197,7 @@ def prior_from(outcomes: Sequence[Outcome], load_n: float | None = None) -> Prio
         past.errors(others.joined_rows(past.growth, past.lived, past.since_onset, past.per_row))
         for past, others in weighted(best)
     ]
-    return dataclasses.replace(prior, growth_weight=best, joined_widening=max(widening(pooled), 1.0))
+    return dataclasses.replace(prior, growth_weight=best, joined_widening=pooled_widening(pooled))
 
 
 def _laws(ended: Sequence[Outcome], load_n: float | None) -> Prior:

@@ -28,6 +28,8 @@ ROWS: Final = 64
 _LEVEL: Final = 0.9
 _BOUNDS: Final = (0.5, 5.0)
 """Bounds of the factor, since few runs are no evidence for extreme values; wider bounds follow the runs more freely."""
+_NARROWING: Final = 0.5
+"""Exponent of the least factor that every ended run allows: 0 never narrows, 1 trusts these few runs entirely."""
 _CALIBRATED: Final = np.asarray(ndtri(0.5 + 0.5 * (np.arange(ROWS) + 0.5) / ROWS) / ndtri(0.5 + _LEVEL / 2))
 """Errors of calibrated intervals over their half width: half-normal in logarithms [ROWS]."""
 
@@ -125,3 +127,27 @@ def widening(runs: Sequence[Sequence[float] | Array]) -> float:
     order = np.argsort(size, kind="stable")
     place = int(np.searchsorted(np.cumsum(weight[order]), _LEVEL))
     return float(np.clip(size[order][min(place, size.size - 1)], *_BOUNDS))
+
+
+def pooled_widening(runs: Sequence[Sequence[float] | Array]) -> float:
+    """Factor on the width of pooled intervals: `widening`, or where that is below 1, a part of what every run allows.
+
+    The law of few lives is wide, so that intervals may be too wide even for the run that needed most of them. With the
+    factor that would still have covered 90 % of the rows of each ended run, the next of n + 1 exchangeable runs has
+    this coverage with probability n / (n + 1); half the way to it, in logarithms, is taken.
+
+    Parameters
+    ----------
+    runs : sequence of sequence of float
+        `errors` of each run; at least one is not empty.
+
+    Returns
+    -------
+    float
+        0.5 ** 0.5 to 5.
+    """
+    wider = widening(runs)
+    if wider >= 1:
+        return wider
+    least = max(float(np.quantile(np.asarray(own, float), _LEVEL)) for own in runs if len(own))
+    return float(np.clip(least, _BOUNDS[0], 1.0) ** _NARROWING)

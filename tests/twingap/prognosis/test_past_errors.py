@@ -10,7 +10,7 @@ import pytest
 from twingap.prognosis.estimate import Estimate
 from twingap.prognosis.life_law import LogNormal
 from twingap.prognosis.outcomes import Outcome, past_intervals, prior_from
-from twingap.prognosis.past_errors import ROWS, PastIntervals, errors, widening
+from twingap.prognosis.past_errors import ROWS, PastIntervals, errors, pooled_widening, widening
 from twingap.prognosis.prior import Prior
 
 
@@ -54,6 +54,19 @@ def test_the_factor_is_bounded_and_needs_runs() -> None:
     assert widening([np.zeros(ROWS)] * 50) == 0.5
     # Each run weighs the same, however many rows it has.
     assert widening([(0.1,), (0.1,), (0.1,), (0.1,), np.full(ROWS, 3.0)]) == 3.0
+
+
+def test_pooled_intervals_are_narrowed_where_every_run_allows_it_and_widened_where_most_need_it() -> None:
+    rng = np.random.default_rng(2)
+    small = [np.abs(rng.normal(0, 0.5 / 1.645, ROWS)) for _ in range(5)]
+    least = max(np.quantile(own, 0.9) for own in small)
+    assert widening(small) < 1 and pooled_widening(small) == pytest.approx(np.sqrt(max(least, 0.5)))
+    one_missed = [*small[:4], np.where(np.arange(ROWS) < ROWS // 8, 1.2, 0.2)]
+    assert widening(one_missed) < 1
+    assert pooled_widening(one_missed) == 1, "one of five of which an eighth of the rows was not covered forbids it"
+    large = [3.0 * own for own in small]
+    assert pooled_widening(large) == widening(large) > 1
+    assert pooled_widening([np.zeros(ROWS)] * 5) == pytest.approx(np.sqrt(0.5))
 
 
 def test_ends_move_in_logarithms_about_the_median() -> None:
@@ -139,7 +152,7 @@ def test_a_run_is_judged_by_what_the_others_say_and_not_by_its_own_life() -> Non
             others = replace(prior_from([*ended[:place], *ended[place + 1 :]]), growth_weight=found.growth_weight)
             said = others.joined_rows(own.past.growth, own.past.lived, own.past.since_onset, own.past.per_row)
             told_errors.append(own.past.errors(said))
-        assert found.joined_widening == pytest.approx(max(widening(told_errors), 1.0))
+        assert found.joined_widening == pytest.approx(pooled_widening(told_errors))
 
 
 def test_fewer_than_three_runs_with_estimates_choose_nothing() -> None:
