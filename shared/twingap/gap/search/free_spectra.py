@@ -4,9 +4,9 @@ faulty states less healthy ones, records and twin --log ratio--> gains of the pa
 healthy states, records less twin ---------------difference---> densities of noise -+--> simulated, corrected
 lines of the records that the twin lacks, in Hz and in shaft orders ---------------> list of lines
 
-Only impacts show the path, so that healthy spectra are subtracted where there are any. A path that all samples of a
-finished waveform pass is one filter for all records, which all spectra show. Without healthy records the background is
-not measured.
+Only impacts show the path, so that healthy spectra are subtracted. Where no record is healthy, what lies between the
+lines of faulty ones takes their place, which holds what jitter smears of the impacts. A path that all samples of a
+finished waveform pass is one filter for all records, which all spectra show.
 """
 
 from __future__ import annotations
@@ -73,7 +73,7 @@ _PART: Final = 0.3
 """Quantile over records of a line's height that is tested. A smaller value asks for the line in more of them."""
 _LOUDER: Final = 2.0
 """Power of a line over that of the twin at its place from which it is missing in the twin."""
-_ENOUGH_RECORDS: Final = 3
+_ENOUGH_RECORDS: Final = 2
 """Records of each fault from which path, background and lines are measured by fault: different faults are mostly
 different bearings, mounted anew. A smaller value does so from noisier spectra."""
 _UNIT_RECORDS: Final = 3
@@ -125,7 +125,7 @@ def measured(
     rounds : int
         Simulations by which path and background are corrected.
     by : {"all", "fault", "unit"}
-        Whose records have their own, as different bearings in different mountings have. Lines are not measured by unit.
+        Whose records have their own, as different bearings in different mountings have.
     all_samples : bool
         Whether all samples of finished waveforms pass the path, one for all records (`TransferPath.all_samples`); so it
         is where the path of `effects` is such a one.
@@ -136,10 +136,8 @@ def measured(
         None where nothing of them can be measured.
     """
     spectra = evidence.spectra(by)
-    names = {name for name in names if evidence.can_add(name) is None and not (by == "unit" and name == LINES)}
+    names = {name for name in names if evidence.can_add(name) is None}
     states = [State("")] if by == "all" else spectra.states
-    if _HEALTHY not in spectra.real:
-        names.discard(BACKGROUND)
     if not names:
         return None
     kept = tuple(effect for effect in effects if effect.name not in names)
@@ -153,8 +151,8 @@ def measured(
     # Impact amplitudes of the twin differ between faults, not between units.
     has_levels = isinstance(simulator, TwinSimulator) and by != "unit"
     # Without lines, their power would be taken for that of impacts.
-    lines = _all_lines(evidence, simulator, kept, states) if LINES in names and paths else ()
     over = known if by == "unit" else {}
+    lines = _all_lines(evidence, simulator, kept, states, over.get(LINES)) if LINES in names and paths else ()
     for _ in range(rounds if paths or densities else 0):
         chain = _with((*kept, *lines), spectra, paths, densities, simulator.reference_rms, over, filter_)
         made = spectra.of(evidence.simulated(simulator, chain, spectra.records.conditions, 3))
@@ -173,7 +171,7 @@ def measured(
             densities[state] = np.maximum(wanted - rest, _LEAST_NOISE * wanted)
     chain = _with(kept, spectra, paths, densities, simulator.reference_rms, over, filter_)
     if LINES in names:
-        chain = (*chain, *_all_lines(evidence, simulator, chain, states))
+        chain = (*chain, *_all_lines(evidence, simulator, chain, states, over.get(LINES)))
     return None if chain == kept else (simulator, chain)
 
 
@@ -233,7 +231,7 @@ class Spectra:
         return State(str(condition.fault), unit_of(condition) if self.by_unit else "")
 
     def of(self, records: Iterable[Record]) -> dict[State, StateLevels]:
-        """State -> levels of its records; also those of all healthy records."""
+        """State -> levels of its records; also those of all healthy records, or of the noise where none is healthy."""
         rows: dict[State, list[tuple[Array, Array]]] = {}
         for record in records:
             one = RecordTransforms(record.samples, record.condition, self.evidence.frame)
@@ -245,7 +243,12 @@ class Spectra:
             state = self.state_of(record.condition)
             for key in dict.fromkeys((state, _HEALTHY) if state.fault == "healthy" else (state,)):
                 rows.setdefault(key, []).append(both)
-        return {state: StateLevels(*np.mean(own, axis=0)) for state, own in rows.items()}
+        found = {state: StateLevels(*np.mean(own, axis=0)) for state, own in rows.items()}
+        if _HEALTHY not in found and found:
+            # Noise is no louder than what lies between the lines of any state.
+            least = np.min([levels.between for levels in found.values()], axis=0)
+            found[_HEALTHY] = StateLevels(least, least)
+        return found
 
     def _banded(self, power: Array, fs_hz: float) -> Array:
         """[bands] Log mean in each band of a spectrum that covers 0 to half the sampling rate evenly."""
@@ -392,24 +395,27 @@ def _louder(evidence: Evidence, simulator: Simulator, effects: Chain, levels: Ma
     return evidence.with_values(simulator, effects, values) if values else simulator
 
 
-def _all_lines(evidence: Evidence, simulator: Simulator, chain: Chain, states: Sequence[State]) -> Chain:
-    """Lines of all states as one effect, or nothing: those that all records have, and more that a fault has."""
-    common = _lines(evidence, simulator, chain)
-    found = {
-        state: _lines(evidence, simulator, chain, state.fault, common) if state.fault else common for state in states
-    }
+def _all_lines(
+    evidence: Evidence, simulator: Simulator, chain: Chain, states: Sequence[State], over: Effect | None
+) -> Chain:
+    """Lines of all states as one effect, or nothing: those that all records have, and more that a state has."""
+    common = _lines(evidence, simulator, chain, State(""))
+    found = {state: _lines(evidence, simulator, chain, state, common) if state.fault else common for state in states}
     if not any(one.frequencies_hz or one.orders for one in found.values()):
         return ()
-    return (_stated(found),)
+    return (_stated(found, over),)
 
 
 def _lines(
-    evidence: Evidence, simulator: Simulator, effects: Chain, fault: str = "", common: LineSpectrum | None = None
+    evidence: Evidence, simulator: Simulator, effects: Chain, state: State, common: LineSpectrum | None = None
 ) -> LineSpectrum:
-    """Lines that the twin lacks in records of the fit part with a fault, besides `common`, or in all ("")."""
+    """Lines that the twin lacks in records of the fit part of a state, besides `common`; State("") is all records."""
     others = tuple(effect for effect in effects if not isinstance(effect, LineSpectrum))
     fit = evidence.calibrated.fit
-    fit = fit.take([i for i, c in enumerate(fit.conditions) if str(c.fault) == fault]) if fault else fit
+    if state.fault:
+        fit = fit.take(
+            [i for i, c in enumerate(fit.conditions) if str(c.fault) == state.fault and state.unit in ("", unit_of(c))]
+        )
     records = thinned(fit, _LINE_RECORDS)
     longest = [replace(c, n_samples=min(c.n_samples, _LONGEST)) for c in records.conditions]
     real = [

@@ -13,7 +13,7 @@ from twingap.effects import Effect, make_effect
 from twingap.effects.by_state import ByState, State, of_state
 from twingap.effects.registry import measured_from_spectra
 from twingap.gap.search.evidence import Evidence, simulator_of
-from twingap.gap.search.free_spectra import BACKGROUND, LINES, PATH, By, by_of, measured
+from twingap.gap.search.free_spectra import BACKGROUND, LINES, PATH, By, Line, _joined, by_of, measured
 from twingap.identification.calibrate import calibrate
 from twingap.records import Condition, RecordSet
 from twingap.twins.phenomenological import PhenomenologicalParameters, PhenomenologicalTwin
@@ -97,9 +97,32 @@ def test_where_nothing_is_missing_no_line_is_found(seed: int) -> None:
     assert count <= 1
 
 
-def test_without_healthy_records_there_is_no_common_background() -> None:
-    evidence = evidence_of(faults=("inner", "outer"))
-    assert measured(evidence, evidence.against().simulator, (), (BACKGROUND,)) is None
+def test_without_healthy_records_the_background_is_what_lies_between_lines() -> None:
+    hum = make_effect("coloured_noise", {"level": 2.0, "slope": 1.0})
+    evidence = evidence_of(hum, faults=("inner", "outer"))
+    distance, found = closes(evidence, (BACKGROUND,))
+    assert distance < 0.8 * evidence.gap(evidence.against().simulator, ())
+    density = found[BACKGROUND]
+    low, high = np.interp([200.0, 5000.0], density.frequencies_hz, density.densities_db)
+    assert low - high > 6.0  # noise that falls by 3 dB per octave, 14 dB over these
+
+
+def test_records_at_one_speed_do_not_decide_what_a_line_is_tied_to() -> None:
+    """Of lines of all records and of records at 30 Hz alone: one is both, and as strong as these records have it."""
+    common = [Line(10.0, 1.0, by_order=True), Line(700.0, 0.5, by_order=False)]
+    own = [Line(300.1, 2.0, by_order=False), Line(900.0, 0.3, by_order=False)]
+    joined = _joined(common, own, 30.0, 1.0)
+    assert joined == [Line(10.0, 2.0, by_order=True), Line(700.0, 0.5, by_order=False), own[1]]
+
+
+def test_side_lines_of_impacts_are_no_lines_of_another_source() -> None:
+    """Impacts that swell once a turn have lines beside the multiples of their order."""
+    evidence = evidence_of(make_effect("load_zone", {"depth": 0.9}), faults=("healthy", "inner"))
+    made = measured(evidence, evidence.against().simulator, (), (LINES,), by="fault")
+    lines = None if made is None else of_state(made[1][0], State("inner"))
+    orders = getattr(lines, "orders", ())
+    sides = [k * BEARINGS["6205"].bpfi + side for k in range(1, 20) for side in (-1, 1)]
+    assert sum(min(abs(order - side) for side in sides) < 0.03 for order in orders) <= 1
 
 
 def test_each_fault_has_its_own_where_bearings_differ() -> None:
