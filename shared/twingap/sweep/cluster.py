@@ -13,6 +13,7 @@ import importlib
 import importlib.metadata
 import logging
 import queue
+import threading
 import time
 import warnings
 from collections import deque
@@ -26,7 +27,9 @@ from twingap.errors import TwingapError
 from twingap.sweep.processes import deaf_to_interrupts, keep_memory
 
 PATIENCE_S: Final = 300.0
-"""How long a lost scheduler, or the first worker, is waited for; longer ones outlast slower restarts."""
+"""How long a lost scheduler, or lost workers, are waited for; longer ones outlast slower restarts."""
+FIRST_S: Final = 20.0
+"""How long the first worker is waited for."""
 CONNECT_S: Final = 3.0
 """Time limit of one attempt to reach a scheduler."""
 LOOK_S: Final = 1.0
@@ -70,6 +73,10 @@ class Cluster:
             self._distributed.client.ClosedClientError,
         )  # fmt: skip
         self._client = self._connected()
+        # Workers that were lost a moment ago are being started again.
+        until = time.monotonic() + FIRST_S
+        while not self._threads() and time.monotonic() < until:
+            time.sleep(LOOK_S)
         if not self._threads():
             self.close()
             raise TwingapError("the dask cluster has no workers", where=address, mend=f"dask worker {address}")
@@ -255,8 +262,22 @@ def local_cluster(n_workers: int | None) -> Iterator[str]:
     except RuntimeError as error:
         mend = "use the backend loky, or start a cluster and give its address"
         raise TwingapError(f"no dask cluster starts on this machine: {error}", mend=mend) from error
+    ended = threading.Event()
     with local:
-        yield local.scheduler_address
+        threading.Thread(target=_replace_lost_workers, args=(local, ended), daemon=True).start()
+        try:
+            yield local.scheduler_address
+        finally:
+            ended.set()
+
+
+def _replace_lost_workers(local: Any, ended: threading.Event) -> None:
+    """Start workers anew whose own watchdog has given up, such as one that was killed while it started."""
+    count = len(local.worker_spec)
+    while not ended.wait(LOOK_S):
+        if len(local.scheduler.workers) < count:
+            with contextlib.suppress(Exception):  # the cluster may be closing
+                local.scale(count)
 
 
 def _quiet() -> None:

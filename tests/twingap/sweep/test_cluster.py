@@ -178,6 +178,17 @@ def test_workers_that_are_killed_again_and_again_change_nothing(
     assert not capfd.readouterr().err
 
 
+def test_local_workers_that_have_ended_are_started_anew(jobs: Any) -> None:
+    distributed = pytest.importorskip("distributed")
+    todo = [jobs.Draw(seed) for seed in range(3)]
+    with cluster.local_cluster(1) as address:
+        with distributed.Client(address, set_as_default=False) as client:
+            client.retire_workers(close_workers=True)
+        got = sweep(jobs.draw, todo, backend="dask", address=address)
+    local = sweep(jobs.draw, todo, backend="sequential")
+    assert all(same(a.value, b.value) for a, b in zip(got, local, strict=True))
+
+
 def test_job_that_kills_its_workers_is_named(jobs: Any, tmp_path: Path) -> None:
     dask = pytest.importorskip("dask")
     with dask.config.set({"distributed.scheduler.allowed-failures": 0}), pytest.raises(SweepError) as caught:
