@@ -3,9 +3,11 @@
 adaptation recordings (no labels) --averaged spectrum--> stiffness, damping, noises --> a population of virtual
 bearings about them (defect, clearance, load, speed drawn) --contact twin--> labelled windows
 
-The paper identifies k and c from the spectrum of measured faults, whose classes it must know. Here classes are unknown:
-the spectrum averaged over all adaptation recordings is compared with that averaged over simulated records of all
-classes alike. How far a fault stands above the noise is drawn, widely.
+The paper identifies k and c from the spectrum of measured faults, whose classes it must know. Here the classes are
+unknown, so the spectrum averaged over all adaptation recordings is compared with that averaged over simulated records
+of all classes alike. The share of white noise, which the paper's model does not have, is found with them. How far a
+fault stands above the noise cannot be estimated without labels: it is drawn, widely. (`twingap.identify` fits the
+contact twin to records whose states are known, which these are not.)
 """
 
 from __future__ import annotations
@@ -122,6 +124,15 @@ class Recipe:
     # effects beyond `options.effects` that the gap diagnosis names: each virtual bearing has each of them or not, by
     # lot, with parameters drawn from all that is plausible
     closed: tuple[str, ...] = ()
+
+    def twin_toml(self) -> str:
+        """The identified twin as a twin file; the white share is in a comment, since noise levels are drawn."""
+        effects = ", ".join(f'"{name}"' for name in self.options.effects)
+        return (
+            f"# white part of the noise's power: {self.white_share!r}\n"
+            f'[twin]\nmodel = "contact"\npreset = "{self.options.preset}"\neffects = [{effects}]\n\n'
+            f"[parameters]\nstiffness = {self.stiffness!r}\ndamping = {self.damping!r}\n"
+        )
 
 
 @dataclass(frozen=True)

@@ -12,6 +12,7 @@ import pytest
 from papers.extra.life_gap import diagnoses
 from papers.extra.life_gap import jobs as life_gap
 from papers.extra.life_gap.diagnoses import LATER, SEEN, SPEEDS, Asked
+from papers.extra.life_gap.figures import gaps
 from papers.extra.life_gap.study import STUDY
 from papers.extra.life_gap.tables import summary, verdicts
 from papers.paper1_rul_varying_speed.cases import Case
@@ -102,6 +103,22 @@ def test_every_stage_speed_run_and_condition_is_asked_once() -> None:
     assert {q.bearings for q in asked if q.data == "femto" and q.speed == "1"} == {("Bearing1_1", "Bearing1_2")}
 
 
+def test_the_figure_has_a_panel_per_set_and_a_mark_per_diagnosis_of_all_bearings() -> None:
+    # As the study asks: FEMTO condition by condition, so that stages alternate.
+    asked = [("rig", stage, speed) for stage in ("early", "late") for speed in ("slow", "fast")]
+    asked += [("FEMTO", stage, condition) for condition in "12" for stage in ("early", "late")]
+    rows = [
+        {"data": data, "bearings": "6 bearings", "stage": stage, "speed": speed, "gap_before": k + 2.0,
+         "gap_after": 1.0, "floor": 0.1}
+        for k, (data, stage, speed) in enumerate(asked)
+    ]  # fmt: skip
+    alone = [{**rows[0], "bearings": "A148", "speed": "all"}, {**rows[0], "gap_before": np.nan}]
+    rig, other = gaps(pd.DataFrame(rows + alone)).axes
+    assert [t.get_text() for t in rig.get_xticklabels()] == ["slow", "fast"] * 2
+    assert [t.get_text() for t in other.get_xticklabels()] == ["cond. 1", "cond. 2"] * 2
+    assert list(other.lines[0].get_xdata()) == [0, 1, 3, 4] and list(other.lines[0].get_ydata()) == [6, 8, 7, 9]
+
+
 def test_the_study_writes_its_tables_and_goes_on_from_its_store(
     root: Path, config: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -117,6 +134,7 @@ def test_the_study_writes_its_tables_and_goes_on_from_its_store(
     assert len(first.tables["life_gap"]) == 2 and set(first.tables["life_gap_rmse"]["model"]) == set(life_gap.MODELS)
     for name in first.tables:
         assert len(pd.read_csv(tmp_path / "tables" / f"{name}.csv")) == len(first.tables[name])
+    assert (tmp_path / "figures" / "life_gap.png").exists()
     again = STUDY.run("smoke", **given, draw=False)
     assert first.computed and not again.computed
     for name, table in first.tables.items():

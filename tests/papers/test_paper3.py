@@ -30,6 +30,7 @@ from twingap.errors import TwingapError
 from twingap.records import RecordSet
 from twingap.rigs import make_rig
 from twingap.track.folder import FolderTracker
+from twingap.twins.twin_file import read_twin
 
 TINY = """
 [profiles.tiny]
@@ -240,7 +241,10 @@ def test_whole_run_writes_and_tracks_all(whole: Work) -> None:
     assert (whole.out / "figures" / "spectra.png").read_bytes()[:4] == b"\x89PNG"
     runs = whole.out.parent / "runs"
     logged = {p.relative_to(runs).as_posix() for p in runs.rglob("*")}
-    assert any("figures/spectra.png" in p for p in logged) and any("tables/accuracy" in p for p in logged)
+    assert any(p.endswith("twin/twin.toml") for p in logged) and any("figures/spectra.png" in p for p in logged)
+    assert sum(p.endswith("metrics.csv") for p in logged) == 1 + 2 + 4, "task, methods, seeds"
+    (twin,) = runs.rglob("twin.toml")
+    assert read_twin(twin).model == "contact"
 
 
 def test_an_interrupted_run_is_taken_up_again(config: Path, tmp_path: Path, whole: Work) -> None:

@@ -4,8 +4,10 @@ run, stage, speeds --> records ------------------------------+
 the twin at their speeds and peaks to peak --> simulated ----+--> `twingap.gap` --> verdict: a row of life_gap
 records from the anomaly to now, bearing by bearing: named effects --> simulated lives --> trainings: life_gap_rmse
 
-Every simulated record has the speed and the peak to peak of a measured one. Rows after now are looked at for the
-verdicts alone. FEMTO's runs have no twin of lives here: the phenomenological twin is calibrated to each stage.
+Every simulated record has the speed and the peak to peak of a measured one: how a life goes on is another question,
+which table 5 answers. Rows after now are looked at for the verdicts alone; what is added to the twin was named on
+records up to now, without labels. FEMTO's runs have no twin of lives here: the phenomenological twin is calibrated to
+each stage, and nothing is trained on it.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Declaration of the study of the gap of paper 1's twin."""
 
-from papers.extra.life_gap import diagnoses, jobs, tables
+from papers.extra.life_gap import diagnoses, figures, jobs, tables
 from papers.framework import Step, Study
 
 STUDY = Study(
@@ -15,5 +15,7 @@ STUDY = Study(
         Step("trained", jobs.trained),
     ),
     tables=tables.all_tables,
+    figures=figures.all_figures,
+    letters=(12, 10),
     headlines=("life_gap", "life_gap_summary"),
 )

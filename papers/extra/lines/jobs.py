@@ -4,8 +4,10 @@ recording, sensor --five bands--> squared-envelope spectra --orders--> prominenc
                                                                                                 |
         by data set, sensor and fault: recordings with it, against healthy ones and all without it --> counts
 
-Used in: Paper 2, section 3, diagnosis without fault data. Lines at the orders of faults stand out of other records too,
-so what a line is worth is seen beside recordings that lack the fault. Labels are read here, and nothing learns from it.
+Used in: Paper 2, section 3, diagnosis without fault data. Lines at the orders of faults stand out of healthy records
+too, and an inner line out of those of outer races, so that a floor says little: what a line is worth is seen beside
+recordings that lack the fault. Healthy ones are few, and other faults have lines of their own at this one's order, so
+both references are given. Labels are read here: this judges recordings, and nothing learns from it.
 """
 
 from __future__ import annotations

@@ -3,8 +3,13 @@
 case --as simulated------------------------> lives --+
 case --rate of growth nearest to the truth-> lives --+--> DANN, + speed, + sequence, + both; seeds --> ablation, summary
 
-The lives of the second line are an oracle's: their ends lie about the true end, which only a judge knows. The profile
-``confirm`` asks of another virtual bench whether DANN with the speed encoding alone beats DANN there too.
+The lives of the second line are an oracle's: their ends lie about the true end, which only a judge knows. They say what
+is the network's doing and what the simulated lives' own: labels are the lives', and a model that reads them better is
+as wrong as they are.
+
+What full finds best it finds on the six runs that it looks at. Its profile ``confirm`` asks one question, fixed before
+anything of that bench was simulated, of six runs of another virtual bench: whether DANN with the speed encoding alone
+beats DANN there too, on lives as simulated.
 """
 
 from __future__ import annotations

@@ -3,9 +3,11 @@
 simulated: record, place, speed --> features --+--> regressor ------------> eq. 7, mean squared error
 real, up to now: the same, no labels ----------+--> reversal --> discriminator --> eq. 15     (adversarial models)
 
-Training seeks the saddle of L = L_r - lambda (L_d of simulated records + L_d of real ones), eq. 6, by a reversal; the
-discriminator's own gradient lacks lambda, which only changes its step. Labels are remaining revolutions over those of
-the longest simulated life; one number scales the samples of both domains.
+Training seeks the saddle of L = L_r - lambda (L_d of simulated records + L_d of real ones), eq. 6: what is lowered is
+L_r + L_d + L_d, with the domain logits from behind the reversal. Extractor and regressor then get the gradient of eq.
+6, lambda included, and the discriminator that of L_d itself: by eq. 6 it would be lambda times as much, which only
+changes its step. Labels are remaining revolutions over those of the longest simulated life, so from 0 to 1; one number
+scales the samples of both domains. Checkpoints are chosen without a label of the real run (`judge_checkpoints`).
 Source: sections 2.2, 3.7 and 4 of paper 1, after Ganin et al. 2016, arXiv:1505.07818.
 """
 

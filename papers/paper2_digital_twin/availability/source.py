@@ -5,9 +5,10 @@ strikes of a defect through six drawn modes ------------------------------------
 stationary roughness through the same modes ---------------------------------------------+--> pieces --> images
 faint strikes of a sound race -----------------------------------------------------------+      labelled by the defect
 
-Used in: Paper 2, section 3.2.3, the network trained on twin data where no fault record exists, but healthy ones do. The
-twin is the phenomenological one with named effects; kind "bare" (one mode, periodic strikes, white noise) shows what
-the effects are worth.
+Used in: Paper 2, section 3.2.3, the network trained on twin data where no fault record exists. Records of good order do
+exist there (paper 2 trains its map on them), so that the twin may stand on them. The twin is the phenomenological one
+with named effects rather than the paper's contact model: the effects are what real machines have and the contact
+model lacks (kind "bare", one mode, periodic strikes, white noise, shows what they are worth).
 """
 
 from __future__ import annotations

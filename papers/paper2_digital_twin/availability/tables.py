@@ -117,7 +117,7 @@ def choices(work: Work, crossed: pd.DataFrame) -> Rows:
         for split in SPLITS:
             limits = Thresholds(1, *(_sure_from(crossed, data, split, method) for method in METHODS[1:]))
             for count in (0, *work.options.counts, MANY):
-                made = choose(count, windows, work.options.false_alarm, limits)
+                made = choose(count, windows, false_alarm=work.options.false_alarm, thresholds=limits)
                 yield {
                     "data": TITLES[name], "labels of": "any recording" if split == SPLITS[0] else "other bearings",
                     "records a fault": "all" if count == MANY else str(count), "chosen": made.approach,

@@ -37,11 +37,12 @@ def shown(work: Work) -> Judged:
 def all_tables(work: Work) -> dict[str, pd.DataFrame]:
     judged = work["judged"]
     errors = error_rows(work)
+    summary = error_summary(errors)
     lives = life_rows(work)
     found, pair = fits(work), pairs(errors)
     tables = {
         "degradation-runs": runs(judged), "degradation-fusion9": fusion9(judged), "degradation-choice": choice(judged),
-        "degradation-fits": found, "degradation-errors": errors,
+        "degradation-fits": found, "degradation-errors": errors, "degradation-errors-summary": summary,
         "degradation-pairs": pair, "degradation-out-of-sample": out_of_sample(pair, shown(work).run.name),
         "degradation-criteria": criteria_summary(found), "degradation-lives": lives,
         "degradation-lives-summary": life_summary(lives),
@@ -167,6 +168,13 @@ def error_rows(work: Work) -> Rows:
                         "records": n, "rmse rest": rest, "rmse next tenth": following,
                         "rest / range": rest / reach, "next / range": following / reach,
                     }  # fmt: skip
+
+
+def error_summary(errors: pd.DataFrame) -> pd.DataFrame:
+    """Medians over tenths; the mean would be that of the one tenth whose extrapolation explodes."""
+    keys = ["run", "indicator", "model", "fit"]
+    grouped = errors.groupby(keys, sort=False)[["rest / range", "next / range"]]
+    return grouped.median().add_suffix(", median").join(grouped.max().add_suffix(", worst")).reset_index()
 
 
 @as_table

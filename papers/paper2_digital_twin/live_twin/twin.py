@@ -6,8 +6,10 @@ messages --> Reorder --> state ------> temperature moved? --> clearance, damping
                           snapshots since the drift began --> `refit` from where the twin stands --> journal (drift,
                                                               again with each of the next few           following)
 
-The first snapshots commission the twin. After an alarm it is fitted to the snapshots since the drift began, until
-`window` of them stand behind the new values; then the detector watches again.
+The first snapshots commission the twin: they are fitted together and show how much deviations scatter. An alarm then
+names the parameter that drifts and since when. What is fitted grows with each further snapshot until `window` of them
+stand behind the new values; then the detector watches again. A machine that stands still does not show them: its
+snapshots are counted and left out.
 """
 
 from __future__ import annotations

@@ -7,9 +7,11 @@ x [pieces, samples] --wavelet scalogram--> |W|^2 of each carrier --spectrum over
                                                                                          v
                                                                      image [3, carriers, orders]
 
-The spectrum of each row of a scalogram, over orders, shows what repeats, whatever resonance carries it. What repeats at
-no order (a ball whose spin axis wanders) raises floor and level. Rows are whitened, so that the loudest resonance does
-not hide the others.
+A scalogram as it is shows ringing at the machine's own resonances: what one machine taught is wrong on the next. The
+spectrum of each of its rows, over orders, shows what repeats: an outer-race defect at BPFO, an inner-race one at BPFI
+between side lines of the shaft, whatever resonance carries them; a network that moves along carriers need not know
+which. What repeats at no order (a ball whose spin axis wanders) raises the floor instead, and the level. Rows are
+whitened, so that the loudest resonance does not hide the others.
 
 Related: the squared-envelope spectrum (Randall and Antoni 2011, DOI 10.1016/j.ymssp.2010.07.017) and the cyclic
 modulation spectrum (Antoni and Hanson 2012, DOI 10.1109/JOE.2012.2195852), here with the wavelets of paper 2's network.
@@ -29,6 +31,7 @@ from twingap import TwingapError
 from twingap.signal._input import as_signals, positive
 
 Images = NDArray[np.float32]
+CHANNELS = 3
 _WAVELET = 1.0
 """Bandwidth parameter B of the Morlet wavelet, centre 1: relative bandwidth 0.16, so that rows know modulations up to a
 third of their carrier."""

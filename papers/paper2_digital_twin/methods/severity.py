@@ -9,7 +9,9 @@ The map (Kohonen 1990, DOI 10.1109/5.58325) is a grid of units spread over the f
 quantisation error, is the distance from x to its best matching unit (Qiu, Lee, Lin and Yu 2003, DOI
 10.1016/j.aei.2004.08.001), as in paper 2. The paper gives no threshold. Here it is a conformal one (Vovk, Gammerman and
 Shafer 2005): for a window exchangeable with the healthy windows held out, P(alarm) <= false_alarm, whatever the
-distribution of the features. For identification paper 2 does not say how SOM-MQE is used; a map a class is taken.
+distribution of the features. Paper 2 uses SOM-MQE where fault data are plenty, to "identify the running state" (section
+3.2.4), and says of severity alone how. A map a class is the reading taken for identification; of one record a class it
+is the nearest neighbour.
 """
 
 from __future__ import annotations

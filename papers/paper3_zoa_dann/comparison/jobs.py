@@ -4,7 +4,7 @@ tasks/*.toml, records --> cell: adapt (labels taken away) | judge (other recordi
                             |
         identify k, c (no labels) --> contact twin --> labelled windows --> trials: method x seed x SNR
                                                                                 |
-                                                            tables, figures <----+
+                           tables, figures, MLflow (task > method > trial) <----+
 
 Used in: Paper 3, section 4, DOI 10.1177/10775463261462852.
 """
@@ -19,9 +19,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
+import numpy as np
+
 from papers.options import expect, read
 from papers.paper3_zoa_dann.comparison.task_files import Material, TaskFile, load_recordings, material, read_task
-from papers.paper3_zoa_dann.comparison.trial import ALL, CLOSED, Trial, run_trial
+from papers.paper3_zoa_dann.comparison.trial import ALL, CLOSED, Trial, noise_words, run_trial
 from papers.paper3_zoa_dann.inputs.options import Options as Common
 from papers.paper3_zoa_dann.inputs.options import read_options as read_common
 from papers.paper3_zoa_dann.job import Identification, identified
@@ -35,6 +37,7 @@ from twingap.provenance import digest_of_path
 if TYPE_CHECKING:
     from papers.framework import Work
     from twingap.sweep import Result
+    from twingap.track import Run
 
 CONFIG: Final = Path(__file__).with_name("config.toml")
 Key = tuple[str, float | None]
@@ -223,6 +226,7 @@ def kept_modes(out: Path) -> Iterator[Path]:
 
 
 def outcomes(work: Work) -> list[TaskOutcome]:
+    """Every task, logged as soon as it is finished."""
     options, common, size = work.options, read_common(), work.size
     found = []
     for task, target in work["tasks"]:
@@ -238,4 +242,46 @@ def outcomes(work: Work) -> list[TaskOutcome]:
                 inputs = ready.inputs | {"device": (work.device, None), "modes": (modes, None)}
                 results += work.sweep(run_trial, jobs, inputs, lambda job: job.words, f"task {task.name}")
         found.append(TaskOutcome(task, target.title, materials, identified, results))
+        _log_task(work.log, found[-1])
     return found
+
+
+def _log_task(log: Run, outcome: TaskOutcome) -> None:
+    """Nested runs: task, then method, then seed and noise."""
+    task = outcome.task
+    with log.run(task.name, {"task": task.name, "data": outcome.data}) as of_task:
+        of_task.parameters(task)
+        for (available, unseen), own in outcome.materials.items():
+            of_task.data(f"{available} {unseen or ''}".strip(), own.digest, role="adapt and evaluate")
+        for (available, unseen), values in outcome.identified.items():
+            of_task.parameters(dict(values), prefix=f"identified.{available}.{unseen or 'all'}.")
+        for method in ALL:
+            own_trials = [t for t in outcome.trials if t.job.method == method]
+            with of_task.run(f"{task.name} · {method}", {"task": task.name, "method": method}) as of_method:
+                of_method.parameters({"task": task.name, "method": method})
+                if quiet := [t.value["accuracy"] for t in own_trials if t.job.snr_db is None]:
+                    of_method.metrics({"accuracy": float(np.mean(quiet)), "trials": len(quiet)})
+                for found in own_trials:
+                    settings = {
+                        "task": task.name, "method": method, "available": found.job.available,
+                        "noise": noise_words(found.job.snr_db), "unseen": found.job.unseen,
+                    }  # fmt: skip
+                    tags = {**settings, "seed": found.job.seed, "store key": found.key}
+                    name = f"{task.name} · {method} · {found.label}"
+                    with of_method.run(name, tags, duration_s=found.seconds) as of_trial:
+                        of_trial.parameters(settings)
+                        _log_trial(of_trial, found)
+
+
+def _log_trial(log: Run, found: Result[Trial]) -> None:
+    value = found.value
+    log.parameters({"seed": found.job.seed, "device": value["device"], **dataclasses.asdict(found.job.training)})
+    for row, accuracy in zip(value["history"], value["accuracy_by_checkpoint"], strict=False):
+        curves = {name: number for name, number in row.items() if name != "step"}
+        log.metrics({**curves, "accuracy at checkpoint": accuracy}, step=round(row["step"]))
+    unseen = value["unseen"] or {}
+    log.metrics({
+        "accuracy": value["accuracy"], "balanced accuracy": value["balanced_accuracy"],
+        "oracle accuracy": value["oracle_accuracy"], "accuracy, unseen bearings": unseen.get("accuracy"),
+        "source accuracy at choice": value["source_accuracy"], "seconds": found.seconds,
+    })  # fmt: skip

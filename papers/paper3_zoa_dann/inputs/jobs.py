@@ -24,6 +24,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from papers.logs import log_checkpoints, log_method
 from papers.paper3_zoa_dann.inputs.options import Options, Profile
 from papers.paper3_zoa_dann.job import Identification, Job, Measured, identified, train_and_judge, windows_digest
 from papers.paper3_zoa_dann.source import FREE, Recipe
@@ -35,6 +36,7 @@ from twingap.adapt import Method, Scores, cut, score
 if TYPE_CHECKING:
     from papers.framework import Work
     from twingap.sweep import Result
+    from twingap.track import Run
 
 METHODS: Final[tuple[Method, ...]] = ("source_only", "dann")
 LABELS: Final = {"source_only": "Non-DA", "dann": "DANN"}
@@ -78,6 +80,7 @@ def load(work: Work) -> Target:
 
 
 def results(work: Work) -> list[TaskResult]:
+    """Every task, logged as soon as it is finished."""
     options, size, records = work.options, work.size, work["target"].records
     found, bearing = [], records.bearing
     assert bearing is not None
@@ -93,6 +96,7 @@ def results(work: Work) -> list[TaskResult]:
             lambda j: f"{j.task}, {j.view}, {j.method}, seed {j.seed}", f"training, {task.title}",
         )  # fmt: skip
         found.append(TaskResult(task, own, parameters, recipe, trainings, **_yardsticks(task, own, options, bearing)))
+        _log_task(work.log, found[-1])
     return found
 
 
@@ -134,3 +138,28 @@ def _yardsticks(task: Task, measured: Measured, options: Options, bearing: Beari
         "majority": majority(labels, len(classes)), "analyst": score(calls, labels, measured.evaluate.group),
         "analyst_whole": score(whole, whole_truth, names), "analyst_calls": calls, "analyst_whole_calls": whole,
     }  # fmt: skip
+
+
+def _log_task(log: Run, result: TaskResult) -> None:
+    """Nested runs: task, then input and method, then seed."""
+    with log.run(result.task.name, {"task": result.task.name}) as of_task:
+        of_task.twin(result.recipe.twin_toml())
+        of_task.parameters(dict(result.identified), prefix="identified.")
+        of_task.metrics({"majority": result.majority, "analyst": result.analyst.accuracy})
+        of_task.data("measured windows", result.measured.digest, role="adapt and evaluate")
+        for (view, method), trainings in result.cells.items():
+            settings = {"task": result.task.name, "input": view, "method": LABELS[method]}
+            values = [t.value["accuracy"][t.value["place"]] for t in trainings]
+            log_method(of_task, settings, trainings, "accuracy", values, _log_training)
+
+
+def _log_training(log: Run, training: Result[Job]) -> None:
+    value = training.value
+    log.parameters({"seed": training.job.seed, "device": value["device"], **dataclasses.asdict(training.job.training)})
+    names = {"source loss": "source_loss", "domain accuracy": "domain_accuracy", "accuracy at checkpoint": "accuracy"}
+    log_checkpoints(log, value, names)
+    log.metrics({
+        "accuracy": value["accuracy"][value["place"]], "balanced accuracy": value["balanced_accuracy"][value["place"]],
+        "oracle accuracy": max(value["accuracy"]), "source accuracy": value["source_accuracy"],
+        "seconds": training.seconds,
+    })  # fmt: skip

@@ -8,6 +8,7 @@ import pytest
 from papers.paper2_digital_twin.methods.choose import Thresholds, choose
 from papers.paper2_digital_twin.methods.few_labels import fit_few_labels
 from papers.paper2_digital_twin.methods.severity import MapOptions, fit_class_maps
+from twingap.errors import TwingapError
 
 
 def clouds(rng: np.random.Generator, per: int = 30) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -80,16 +81,27 @@ LIMITS = Thresholds(correct=1, svm=5, som=50)
     ],
 )  # fmt: skip
 def test_the_choice_follows_the_thresholds_and_says_why(n: int, approach: str) -> None:
-    made = choose(n, 99, 0.01, LIMITS)
+    made = choose(n, 99, thresholds=LIMITS)
     assert made.approach == approach
     assert str(n) in made.why
 
 
-def test_the_alarm_needs_healthy_windows_alone() -> None:
-    assert choose(0, 99, 0.01, LIMITS).alarm
-    assert not choose(0, 98, 0.01, LIMITS).alarm
-    assert not choose(0, 99, 0.001, LIMITS).alarm
+def test_the_scarcest_fault_decides_and_the_alarm_needs_healthy_windows_alone() -> None:
+    made = choose({"inner": 80, "ball": 2, "outer": 7}, 98, thresholds=LIMITS)
+    assert made.approach == "corrected network"
+    assert "ball" in made.why
+    assert not made.alarm
+    assert choose(0, 99).alarm
+    assert not choose(0, 99, false_alarm=0.001).alarm
 
 
 def test_a_method_that_never_leads_is_never_chosen() -> None:
-    assert choose(10**6, 0, 0.01, Thresholds(svm=None, som=None)).approach == "corrected network"
+    never = Thresholds(svm=None, som=None)
+    assert choose(10**6, thresholds=never).approach == "corrected network"
+    assert choose(10**6).approach == "corrected network"  # what was measured: nothing passes it by more than luck
+
+
+@pytest.mark.parametrize("counts", [{}, {"inner": -1}, -3])
+def test_nonsense_is_refused_in_one_line(counts: dict[str, int] | int) -> None:
+    with pytest.raises(TwingapError, match="labelled records"):
+        choose(counts)

@@ -12,7 +12,7 @@ from papers.paper2_digital_twin.methods.condition_features import (
     line_features,
     window_features,
 )
-from papers.paper2_digital_twin.methods.scalograms import ImageOptions, images, modulation, pieces_of
+from papers.paper2_digital_twin.methods.scalograms import CHANNELS, ImageOptions, images, modulation, pieces_of
 from twingap.bearing import BEARINGS
 from twingap.errors import TwingapError
 
@@ -66,7 +66,7 @@ def test_size_of_the_signal_moves_the_level_channel_alone() -> None:
     a, b = modulation(x, FS, RPM, IMAGE), modulation(10 * x, FS, RPM, IMAGE)
     baseline = a.power.mean(axis=0)
     first, second = images(a, baseline, IMAGE), images(b, baseline, IMAGE)
-    assert first.shape == (2, 3, 8, IMAGE.orders.size)
+    assert first.shape == (2, CHANNELS, 8, IMAGE.orders.size)
     assert first.dtype == np.float32
     np.testing.assert_allclose(first[:, :2], second[:, :2], atol=1e-4)
     np.testing.assert_allclose(second[:, 2] - first[:, 2], 2, atol=1e-4)  # log10 of a power
