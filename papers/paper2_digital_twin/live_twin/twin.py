@@ -61,6 +61,18 @@ class LiveOptions:
     # forgotten: the drift goes on
     restart: float = 4.0
 
+    def __post_init__(self) -> None:
+        limits = {
+            "temperature_step_k": (0.0, 100.0), "stale_s": (0.0, 1e9), "lowest_hz": (0.0, 1e6),
+            "commissioning": (4, 1000), "window": (4, 1000), "allowance": (0.1, 5.0), "spread": (1.1, 100.0),
+            "evaluations": (2, 100), "restart": (2.0, 1e9), "warm_up_k": (0.0, 1e9),
+        }  # fmt: skip
+        for key, (low, high) in limits.items():
+            if not low <= getattr(self, key) <= high:
+                raise TwingapError(
+                    f"{key} = {getattr(self, key)!r}, between {low:g} and {high:g} expected", where="live options"
+                )
+
 
 @dataclass(frozen=True)
 class _Seen:

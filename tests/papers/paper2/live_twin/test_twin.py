@@ -193,6 +193,8 @@ def test_wrong_use_is_one_line() -> None:
         _ = LiveTwin(BEARING, OWN, FS_HZ).parameters
     with pytest.raises(TwingapError, match="at least 32 expected"):
         LiveTwin(BEARING, OWN, FS_HZ, options=LiveOptions(lowest_hz=4900.0))
+    with pytest.raises(TwingapError, match="window = 1, between 4 and 1000 expected"):
+        LiveOptions(window=1)
 
 
 @pytest.fixture
