@@ -191,9 +191,9 @@ def _with_spectra(
 
 
 def _with_units(evidence: Evidence, now: _Twin, left: float, learnt: Learnt) -> _Twin:
-    """The twin with measured spectra by unit, where a fault has several units and it is no farther for it."""
+    """The twin with path and background by unit, where a fault has several units and it is no farther for it."""
     units = {(c.fault, unit_of(c)) for c in evidence.calibrated.fit.conditions}
-    names = [name for name in (PATH, BACKGROUND, LINES) if name in now.names]
+    names = [name for name in (PATH, BACKGROUND) if name in now.names]
     if not names or len(units) == len({fault for fault, _ in units}):
         return now
     made = measured(evidence, now.simulator, now.effects, names, by="unit")

@@ -125,7 +125,8 @@ def measured(
     rounds : int
         Simulations by which path and background are corrected.
     by : {"all", "fault", "unit"}
-        Whose records have their own, as different bearings in different mountings have.
+        Whose records have their own, as different bearings in different mountings have. Lines are not measured by unit:
+        those of few recordings are not in others.
     all_samples : bool
         Whether all samples of finished waveforms pass the path, one for all records (`TransferPath.all_samples`); so it
         is where the path of `effects` is such a one.
@@ -136,7 +137,7 @@ def measured(
         None where nothing of them can be measured.
     """
     spectra = evidence.spectra(by)
-    names = {name for name in names if evidence.can_add(name) is None}
+    names = {name for name in names if evidence.can_add(name) is None and not (by == "unit" and name == LINES)}
     states = [State("")] if by == "all" else spectra.states
     if not names:
         return None
@@ -151,8 +152,8 @@ def measured(
     # Impact amplitudes of the twin differ between faults, not between units.
     has_levels = isinstance(simulator, TwinSimulator) and by != "unit"
     # Without lines, their power would be taken for that of impacts.
+    lines = _all_lines(evidence, simulator, kept, states) if LINES in names and paths else ()
     over = known if by == "unit" else {}
-    lines = _all_lines(evidence, simulator, kept, states, over.get(LINES)) if LINES in names and paths else ()
     for _ in range(rounds if paths or densities else 0):
         chain = _with((*kept, *lines), spectra, paths, densities, simulator.reference_rms, over, filter_)
         made = spectra.of(evidence.simulated(simulator, chain, spectra.records.conditions, 3))
@@ -171,7 +172,7 @@ def measured(
             densities[state] = np.maximum(wanted - rest, _LEAST_NOISE * wanted)
     chain = _with(kept, spectra, paths, densities, simulator.reference_rms, over, filter_)
     if LINES in names:
-        chain = (*chain, *_all_lines(evidence, simulator, chain, states, over.get(LINES)))
+        chain = (*chain, *_all_lines(evidence, simulator, chain, states))
     return None if chain == kept else (simulator, chain)
 
 
@@ -395,27 +396,22 @@ def _louder(evidence: Evidence, simulator: Simulator, effects: Chain, levels: Ma
     return evidence.with_values(simulator, effects, values) if values else simulator
 
 
-def _all_lines(
-    evidence: Evidence, simulator: Simulator, chain: Chain, states: Sequence[State], over: Effect | None
-) -> Chain:
-    """Lines of all states as one effect, or nothing: those that all records have, and more that a state has."""
-    common = _lines(evidence, simulator, chain, State(""))
-    found = {state: _lines(evidence, simulator, chain, state, common) if state.fault else common for state in states}
+def _all_lines(evidence: Evidence, simulator: Simulator, chain: Chain, states: Sequence[State]) -> Chain:
+    """Lines of all states as one effect, or nothing: those that all records have, and more that a fault has."""
+    common = _lines(evidence, simulator, chain)
+    found = {s: _lines(evidence, simulator, chain, s.fault, common) if s.fault else common for s in states}
     if not any(one.frequencies_hz or one.orders for one in found.values()):
         return ()
-    return (_stated(found, over),)
+    return (_stated(found),)
 
 
 def _lines(
-    evidence: Evidence, simulator: Simulator, effects: Chain, state: State, common: LineSpectrum | None = None
+    evidence: Evidence, simulator: Simulator, effects: Chain, fault: str = "", common: LineSpectrum | None = None
 ) -> LineSpectrum:
-    """Lines that the twin lacks in records of the fit part of a state, besides `common`; State("") is all records."""
+    """Lines that the twin lacks in records of the fit part with a fault, besides `common`, or in all ("")."""
     others = tuple(effect for effect in effects if not isinstance(effect, LineSpectrum))
     fit = evidence.calibrated.fit
-    if state.fault:
-        fit = fit.take(
-            [i for i, c in enumerate(fit.conditions) if str(c.fault) == state.fault and state.unit in ("", unit_of(c))]
-        )
+    fit = fit.take([i for i, c in enumerate(fit.conditions) if str(c.fault) == fault]) if fault else fit
     records = thinned(fit, _LINE_RECORDS)
     longest = [replace(c, n_samples=min(c.n_samples, _LONGEST)) for c in records.conditions]
     real = [
