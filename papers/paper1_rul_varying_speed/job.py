@@ -119,7 +119,8 @@ def train_and_judge(job: Job, case: Case) -> dict[str, Any]:
     dict
         ``revolutions`` (predicted by the chosen checkpoint [judged rows]), ``criteria`` (criterion -> score per
         checkpoint), ``chosen`` (criterion -> place of its checkpoint), ``place``, ``rmse_min`` (RMSE of remaining time
-        per checkpoint: known only to the judge), and the embedding if asked for.
+        per checkpoint: known only to the judge), curves of training, ``simulated`` (how many records), and the
+        embedding if asked for.
     """
     trained, held_out = fit(job, case.known, case.digest)
     evidence = learning.judge_checkpoints(trained, held_out, case.known.real, case.known.dt_s)
@@ -132,6 +133,9 @@ def train_and_judge(job: Job, case: Case) -> dict[str, Any]:
         "revolutions": predicted[place],
         "criteria": {name: [rule(e) for e in evidence] for name, rule in learning.CRITERIA.items()}, "chosen": chosen,
         "place": place, "rmse_min": [rmse(case.true_min, case.minutes(p)) for p in predicted],
+        "steps": [c.step for c in trained.checkpoints], "loss": [c.loss for c in trained.checkpoints],
+        "domain_accuracy": [None if np.isnan(c.domain_accuracy) else c.domain_accuracy for c in trained.checkpoints],
+        "simulated": len(simulate(job, case.known, case.digest)[0]), "device": trained.device,
     }  # fmt: skip
     if job.embedded:
         result["embedding"] = embed(trained.embed(shown, place), job.seed)

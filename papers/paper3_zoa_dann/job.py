@@ -90,7 +90,9 @@ def train_and_judge(job: Job, measured: Measured) -> dict[str, Any]:
         "recordings_right": scores[place].recordings_right, "recordings": scores[place].recordings,
         "probabilities": judged[place].probabilities.astype(np.float32),
         "source_accuracy": float(np.mean(evidence[place].source.predicted == held.labels)),
+        "steps": [c.step for c in trained.checkpoints], "source_loss": [c.source_loss for c in trained.checkpoints],
         "domain_accuracy": [None if np.isnan(c.domain_accuracy) else c.domain_accuracy for c in trained.checkpoints],
+        "device": trained.device,
     }  # fmt: skip
 
 

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from collections import Counter
+from collections import Counter, deque
 from dataclasses import asdict, dataclass, field
-from typing import Any, Literal
+from typing import Any, Final, Literal
 
 import pandas as pd
 
 Kind = Literal["law", "commissioning", "drift", "following", "kept"]
 """law: clearance and damping followed temperature. commissioning, drift, following: stiffness, damping and levels were
 identified anew. kept: they should have been, and were not; `why` says the reason."""
+CAPACITY: Final = 100_000
+"""Updates and evaluations that are kept, the last of each."""
 
 
 @dataclass(frozen=True)
@@ -45,8 +47,8 @@ class Journal:
     """Kept while the twin lives; `counts` are of messages by kind and what became of them."""
 
     counts: Counter[tuple[str, str]] = field(default_factory=Counter)
-    updates: list[Update] = field(default_factory=list)
-    evaluations: list[Evaluation] = field(default_factory=list)
+    updates: deque[Update] = field(default_factory=lambda: deque(maxlen=CAPACITY))
+    evaluations: deque[Evaluation] = field(default_factory=lambda: deque(maxlen=CAPACITY))
 
     def frame(self) -> pd.DataFrame:
         """A row per update: when, what kind, why, from, to."""

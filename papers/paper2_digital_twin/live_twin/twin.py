@@ -26,7 +26,7 @@ from papers.arrays import Array
 from papers.paper2_digital_twin.live_twin.drift import Alarm, DriftDetector, threshold_for
 from papers.paper2_digital_twin.live_twin.journal import Evaluation, Journal, Kind, Update
 from papers.paper2_digital_twin.live_twin.laws import Laws
-from papers.paper2_digital_twin.live_twin.messages import Message, Snapshot, StateMessage
+from papers.paper2_digital_twin.live_twin.messages import Message, Snapshot, StateMessage, kind_of
 from papers.paper2_digital_twin.live_twin.order import OrderOptions, Reorder
 from papers.paper2_digital_twin.live_twin.refit import Fit, deviation, refit, relative_error
 from papers.paper2_digital_twin.live_twin.spectrum import FREE, Band, MachineState, Prediction, SpectrumModel
@@ -147,18 +147,32 @@ class LiveTwin:
         return self.model.predict(self._theta, [state], self.band, slopes=False)[0].amplitude
 
     def receive(self, message: Message) -> list[Update]:
-        """Take a message as it arrives, whatever its order, and say what it led to; most lead to nothing."""
+        """Take a message as it arrives, whatever its order, and say what it led to; most lead to nothing.
+
+        Raises `TwingapError` when a message that the buffer let go could not be acted on. Those let go with it have
+        been, and what they led to is in the journal.
+        """
         return self._act_on(self._buffer.push(message))
 
     def flush(self) -> list[Update]:
-        """Act on all messages that still wait for earlier ones: the stream has ended."""
+        """Act on all messages that still wait for earlier ones: the stream has ended. Raises as `receive` does."""
         return self._act_on(self._buffer.flush())
 
     def _act_on(self, released: Iterable[Message]) -> list[Update]:
+        """One after another; the first error is raised when all have had their turn."""
         made: list[Update] = []
+        failed: Exception | None = None
         for message in released:
-            made += self._told(message) if isinstance(message, StateMessage) else self._shown(message)
-        self.journal.updates += made
+            try:
+                found = self._told(message) if isinstance(message, StateMessage) else self._shown(message)
+            except Exception as error:
+                self.journal.counts[kind_of(message), "failed"] += 1
+                failed = failed or error
+            else:
+                self.journal.updates.extend(found)
+                made += found
+        if failed is not None:
+            raise failed
         return made
 
     def _told(self, message: StateMessage) -> list[Update]:

@@ -11,6 +11,7 @@ learn from simulated fleets of the phenomenological twin and compare each judged
 from __future__ import annotations
 
 import dataclasses
+import math
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -100,7 +101,7 @@ def run_trial(trial: Trial, material: Material, device: str = "auto", modes: Pat
     -------
     dict
         `twingap.adapt.Judged.plain` of all windows, ``unseen`` (the same figures for bearings that were not adapted to;
-        None where there are none), ``source_accuracy``, and the embedding if asked for.
+        None where there are none), ``history``, ``source_accuracy``, ``device``, and the embedding if asked for.
     """
     evaluate = noisy(material.evaluate, trial, 4)
     if trial.method == ANALYST:
@@ -121,7 +122,11 @@ def run_trial(trial: Trial, material: Material, device: str = "auto", modes: Pat
     result = judge(fitted, evaluate).plain()
     seen = material.unseen
     result["unseen"] = _short(judge(fitted, evaluate.take(seen))) if seen.any() else None
+    result["history"] = [
+        {name: None if math.isnan(value) else value for name, value in row.items()} for row in fitted.history
+    ]
     result["source_accuracy"] = fitted.source_accuracy[fitted.place] if fitted.source_accuracy else None
+    result["device"] = fitted.trained.device if fitted.trained else "cpu"
     if trial.embedded and fitted.trained is not None:
         result |= _embedding(trial, fitted, source, evaluate)
     return result
@@ -168,7 +173,7 @@ def _unchosen(told: Any, evaluate: Windows, material: Material) -> dict[str, Any
     seen = material.unseen
     return {
         **judged(np.ones(len(evaluate), dtype=bool)).plain(), "unseen": _short(judged(seen)) if seen.any() else None,
-        "source_accuracy": None,
+        "history": [], "source_accuracy": None, "device": "cpu",
     }  # fmt: skip
 
 

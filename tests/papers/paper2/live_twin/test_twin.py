@@ -16,6 +16,7 @@ from papers.paper2_digital_twin.live_twin import (
     LiveTwin,
     MachineState,
     Message,
+    OrderOptions,
     Snapshot,
     SpectrumModel,
     StateMessage,
@@ -319,3 +320,23 @@ def test_a_detector_that_cannot_be_is_refused_before_the_first_message(wrong: di
     with pytest.raises(TwingapError, match="drift detector") as caught:
         LiveTwin(BEARING, OWN, FS_HZ, options=replace(OPTIONS, **wrong))  # type: ignore[arg-type]
     assert "\n" not in str(caught.value)
+
+
+def test_an_error_in_one_message_does_not_lose_the_others_let_go_with_it(
+    worn: list[Message], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    twin = LiveTwin(BEARING, OWN, FS_HZ, options=OPTIONS, order=OrderOptions(lateness_s=1e4))
+    predict = twin.model.predict
+
+    def failing(theta: Array, states: Sequence[MachineState], *more: Band, **options: bool) -> object:
+        if states[0].time_s == 630.0:
+            raise TwingapError("too fast")
+        return predict(theta, states, *more, **options)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(twin.model, "predict", failing)
+    for message in worn[:10]:
+        assert not twin.receive(message)
+    with pytest.raises(TwingapError, match="too fast"):
+        twin.receive(StateMessage(4e4, 40.0, 1800.0))  # lets go of all before it
+    assert len(twin.journal.evaluations) == 4 and twin.journal.counts["snapshot", "failed"] == 1
+    assert twin.state is not None and twin.state.time_s == 2400.0
