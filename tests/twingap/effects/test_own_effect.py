@@ -118,7 +118,7 @@ def test_a_measurement_that_isolates_its_stage_decides(belt_tones: type[Effect])
     verdict = SimpleNamespace(
         status="explained", effects=(), closure=None, confidence_set=(("belt_tones",), ("waviness",))
     )
-    steps = next_steps(SimpleNamespace(verdict=verdict, tests=(), candidates=()))  # type: ignore[arg-type]
+    steps = next_steps(SimpleNamespace(verdict=verdict, tests=(), candidates=(), provenance={}))  # type: ignore[arg-type]
     (decides,) = (step for step in steps if "To decide" in step)
     assert "belt tones" in decides
     assert decides.count(measurements.OTHER_SPEED) == 1

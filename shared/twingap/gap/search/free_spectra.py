@@ -90,6 +90,8 @@ _SAME_BINS: Final = 2
 """Bins around a line that belong to it."""
 _FEWEST_LINE_RECORDS: Final = 2
 """Records in which lines are sought. With one alone, any tone of that moment is a line."""
+_SWEPT_BINS: Final = 6
+"""Bins that a line in orders covers over the records, up to which it is found at a fixed frequency, too."""
 _FAULT_LINE: Final = 0.008
 """Relative distance from a fault's order within which its impacts are sought. A larger value follows more slip."""
 _FAULT_STEPS: Final = 81
@@ -434,9 +436,10 @@ def _lines(
             lines.append(Line(place, amplitude, by_order=True))
     taken = np.array([line.place for line in lines]) * shaft.mean()
     for place, amplitude in in_hz:
-        # Where speeds differ by less than the resolution, a line is at one place either way.
-        near = taken.size > 0 and place * spread <= 3 * resolution
-        if not (near and float(np.abs(taken - place).min()) < _SAME_BINS * resolution):
+        # Where speeds differ by little over the resolution, a line is found either way.
+        swept = place * spread
+        near = taken.size > 0 and swept <= _SWEPT_BINS * resolution
+        if not (near and float(np.abs(taken - place).min()) < _SAME_BINS * resolution + 0.5 * swept):
             lines.append(Line(place, amplitude, by_order=False))
     reference = simulator.reference_rms
     lines = [line._replace(amplitude=line.amplitude / reference) for line in lines]
@@ -510,13 +513,13 @@ def _peaks(
         )
     # A line lies in neighbouring bins of records whose speeds or lengths differ a little.
     over, power, own = (maximum_filter1d(of, 2 * _SAME_BINS - 1, axis=1) for of in (over, power, own))
-    height = np.quantile(over, _PART, axis=0)
+    height = np.quantile(over, _PART, axis=0, method="lower")
     # With `_on_grid` the largest of the bins within a step counts: its distribution is estimated from all places.
     limit = _limit(height, _LINE_LEVEL / count)
     everywhere = np.ones(count, bool)
     states = [str(record.condition.fault) for record in real]
     for state in dict.fromkeys(states):  # lines of one fault alone are those of its impacts
-        own_height = np.quantile(over[[i for i, s in enumerate(states) if s == state]], _PART, axis=0)
+        own_height = np.quantile(over[[i for i, s in enumerate(states) if s == state]], _PART, axis=0, method="lower")
         everywhere &= own_height > _limit(own_height, _LEVEL_OF_STATE)
     level, twin_level = np.median(power, axis=0), np.median(own, axis=0)
     combs = [_comb(record, bearing) for record in real]

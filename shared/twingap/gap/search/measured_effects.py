@@ -79,7 +79,7 @@ def with_measured(evidence: Evidence, found: Explanation) -> Explanation:
     now, here = found.after, before if found.after.effects == () else Paired(real, made(found.after), before.scale)
     tested: dict[str, float] = {}
     for name in names:
-        if any(effect.name == name for effect in now.effects):
+        if _has(now.effects, name):
             continue
         # Asked of the fit part: names must not be chosen by the closure that is reported.
         rest = tuple(effect for effect in now.effects if effect.measured or effect.name not in look_alikes(name))
@@ -91,6 +91,11 @@ def with_measured(evidence: Evidence, found: Explanation) -> Explanation:
         if not ways or min(costs) > left:
             continue
         way = ways[costs.index(min(costs))]
+        if name == PATH and _has(way[1], LINES) and not _has(now.effects, LINES):
+            # Lines alone, which are tried later, may be as good as path, background and lines.
+            alone = next(_ways(evidence, now, LINES), None)
+            if alone is not None and validation_distance(evidence, *alone) + LEAST * bare <= min(costs):
+                continue
         nearer = validation_distance(evidence, *way)
         if name == PATH:
             nearer, way = _without_surrogates(evidence, nearer, way, LEAST * bare)
@@ -111,6 +116,11 @@ def with_measured(evidence: Evidence, found: Explanation) -> Explanation:
         after=now, probability={**found.probability, **dict.fromkeys(gone, 0.0), **probability},
         confidence_set=tuple(dict.fromkeys(sets)),
     )  # fmt: skip
+
+
+def _has(effects: Chain, name: str) -> bool:
+    """Whether an effect is among these."""
+    return any(effect.name == name for effect in effects)
 
 
 def _unspecific(before: Chain, after: Chain) -> int:

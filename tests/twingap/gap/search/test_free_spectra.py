@@ -107,6 +107,17 @@ def test_without_healthy_records_the_background_is_what_lies_between_lines() -> 
     assert low - high > 6.0  # noise that falls by 3 dB per octave, 14 dB over these
 
 
+@pytest.mark.parametrize("by", ["all", "fault"])
+def test_a_line_that_moves_little_is_counted_once(by: By) -> None:
+    """The shaft's own line covers a few bins over the speeds, so that it is found at a fixed frequency, too."""
+    orders = {"frequencies_hz": (), "amplitudes": (), "orders": (1.0,), "order_amplitudes": (1.0,)}
+    evidence = evidence_of(make_effect("line_spectrum", orders), n=6)
+    _, found = closes(evidence, (LINES,), by=by)
+    lines = of_state(found[LINES], State("healthy"))
+    assert lines.frequencies_hz == ()
+    np.testing.assert_allclose(lines.orders, (1.0,), atol=0.02)
+
+
 def test_records_at_one_speed_do_not_decide_what_a_line_is_tied_to() -> None:
     """Of lines of all records and of records at 30 Hz alone: one is both, and as strong as these records have it."""
     common = [Line(10.0, 1.0, by_order=True), Line(700.0, 0.5, by_order=False)]

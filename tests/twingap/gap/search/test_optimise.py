@@ -168,20 +168,17 @@ def test_of_a_few_short_records_chance_says_little_of_impacts() -> None:
 
 
 def test_stiff_estimates_do_not_make_up_for_what_is_missing_besides() -> None:
-    """A hum that is known, beside looseness that is not: louder, it would be nearer."""
-    hum = make_effect("mains_interference", {"level": 0.3, "decay": 0.5})
+    """Lines of the shaft that are known, beside looseness that is not: louder, they would be nearer."""
+    shaft = make_effect("shaft_harmonics", {"level_1x": 0.3, "level_2x": 0.2, "level_3x": 0.1})
     loose = make_effect("looseness", {"level": 1.5, "decay": 0.9})
-    own = evidence_of(machine(hum, loose))
-    simulator = own.against([hum]).simulator
-    priors = {("mains_interference", p): Prior(to_number(hum, p, own.setting), 0.3) for p in ("level", "decay")}
-    moved = [
-        abs(
-            np.log(
-                vars(optimise(own, simulator, [hum], {}, priors=priors, prior_weight=weight).effects[0])["level"] / 0.3
-            )
-        )
-        for weight in (1.0, 30.0)
-    ]
+    own = evidence_of(machine(shaft, loose))
+    simulator = own.against([shaft]).simulator
+    levels = ("level_1x", "level_2x", "level_3x")
+    priors = {("shaft_harmonics", p): Prior(to_number(shaft, p, own.setting), 0.3) for p in levels}
+    moved = []
+    for weight in (1.0, 30.0):
+        found = optimise(own, simulator, [shaft], {}, priors=priors, prior_weight=weight).effects[0]
+        moved.append(max(abs(np.log(getattr(found, p) / getattr(shaft, p))) for p in levels))
     assert moved[1] < 0.15
     assert moved[1] < 0.5 * moved[0]
 
@@ -194,11 +191,11 @@ def test_what_the_twin_file_fixes_stays() -> None:
 
 
 def test_effects_that_are_not_to_move_stay_and_the_misfit_never_grows() -> None:
-    hum, zone = make_effect("mains_interference", {"level": 0.9}), make_effect("cage_modulation", {"depth": 0.3})
-    own = evidence_of(machine(hum))
-    simulator = own.against([hum, zone]).simulator
-    found = optimise(own, simulator, [hum, zone], {}, moved=["cage_modulation"], baseline=False)
-    assert found.effects[0] == hum
+    tone, zone = make_effect("drive_interference", {"level": 0.9}), make_effect("cage_modulation", {"depth": 0.3})
+    own = evidence_of(machine(tone))
+    simulator = own.against([tone, zone]).simulator
+    found = optimise(own, simulator, [tone, zone], {}, moved=["cage_modulation"], baseline=False)
+    assert found.effects[0] == tone
     assert found.misfit <= found.before
     assert vars(found.effects[1])["depth"] < 0.3
 
