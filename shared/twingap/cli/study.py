@@ -150,7 +150,7 @@ def public(
     tracking = Tracking("study public", track, tracking_uri)
     names, wanted = (tuple(dict.fromkeys(n.strip() for n in text.split(",") if n.strip())) for text in (sets, parts))
     if not wanted:
-        raise TwingapError("names no part", where="--parts", mend="leave it out, or name verdicts or closest")
+        raise TwingapError("names no part", where="--parts", mend="leave it out, or name verdicts, closest or filtered")
     plan = Plan(names, seed, pieces, splits, injections, single_pieces, wanted)
     with resumable("sets") as shown:
         table = run_public(

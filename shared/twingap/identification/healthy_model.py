@@ -14,7 +14,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import periodogram
 from scipy.special import expit, logit
 
 from twingap.bearing import FAULTS
@@ -47,10 +46,6 @@ LEAST_SHOWN = 0.003
 """Fraction of the healthy RMS below which a noise counts as absent (50 dB below the other one)."""
 LINE_REACH = 4
 """Bins on either side of a defect's harmonics that are excluded from noise (main lobe, small errors of speed)."""
-
-_LINES_IN_NOISE = 2.0
-"""Power of the fitted noises over that between the lines from which they are lowered to it. A smaller value does so
-where chance or the shape of the noise makes them differ."""
 
 
 @dataclass(frozen=True)
@@ -217,27 +212,8 @@ class HealthyModel:
         places = [np.flatnonzero(is_of(self.records, fault))[: max(MOST // len(faults), 2)] for fault in faults]
         faulty = [self.records[int(place)] for own in places for place in own]
         share = noise_share(self.twin, fit, faulty, root)
-        found = replace(fit, structure_noise_rms=math.sqrt(share) * fit.structure_noise_rms)
-        over = self._over_floor(found)
-        if over < _LINES_IN_NOISE:
-            return replace(self, noise_share=share), found
-        rms = {name: getattr(found, name) / math.sqrt(over) for name in NOISES if not self.given.get(name)}
-        return replace(self, noise_share=share / over), replace(found, **rms)
-
-    def _over_floor(self, fit: HealthyFit) -> float:
-        """Power of the noises over that between the lines of the records' spectra, median over the records.
-
-        Lines of other sources fill averaged spectra of short segments, and are fitted as noise there.
-        """
-        found = []
-        for one in self.measured:
-            expected = fit.psd(one)
-            for place in one.places[:: max(len(one.places) // MOST, 1)]:
-                f_hz, psd = periodogram(self.records[int(place)].samples, one.fs_hz, "hann")
-                shown = (f_hz > one.f_hz[one.usable][0]) & (f_hz < one.f_hz[one.usable][-1])
-                ratio = psd[shown] / np.interp(f_hz[shown], one.f_hz, expected)
-                found.append(float(np.median(ratio)) / math.log(2))  # the median of a periodogram is ln 2 of its mean
-        return 1 / max(float(np.median(found)), 1e-6)
+        structure = math.sqrt(share) * fit.structure_noise_rms
+        return replace(self, noise_share=share), replace(fit, structure_noise_rms=structure)
 
     def refit(self, keep: Mask, baseline: Mask, start: HealthyFit) -> HealthyFit:
         """Fit to some records, from initial values."""

@@ -91,7 +91,8 @@ _SAME_BINS: Final = 2
 _FEWEST_LINE_RECORDS: Final = 2
 """Records in which lines are sought. With one alone, any tone of that moment is a line."""
 _SWEPT_BINS: Final = 6
-"""Bins that a line in orders covers over the records, up to which it is found at a fixed frequency, too."""
+"""Bins that a line in orders covers over the records, up to which it is found at a fixed frequency, too. A larger value
+takes more lines at a fixed frequency for lines in orders."""
 _FAULT_LINE: Final = 0.008
 """Relative distance from a fault's order within which its impacts are sought. A larger value follows more slip."""
 _FAULT_STEPS: Final = 81
