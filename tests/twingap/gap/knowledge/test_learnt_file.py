@@ -18,6 +18,10 @@ from twingap.gap.knowledge.learnt_file import definition, read_learnt, write_lea
 from twingap.gap.knowledge.score_calibration import ScoreCalibration
 
 EFFECTS = ("clipping", "quantisation")
+ROUNDING = 5e-3
+"""Largest change of log odds and values by the rounding of leaves."""
+RANK = 0.02
+"""Largest change of p-values: of a few hundred scores of the null distribution, some change places."""
 NAMES = (*(f"context|records{k}" for k in range(30)), *(f"converter.rail_{k}|all.level" for k in range(30)))
 
 
@@ -48,14 +52,14 @@ def test_what_is_read_back_predicts_as_what_was_written(small: Learnt, features:
     assert again.outdated == frozenset()
     for later in (False, True):
         np.testing.assert_allclose(
-            again.log_odds(features, later=later), small.log_odds(features, later=later), atol=1e-9
+            again.log_odds(features, later=later), small.log_odds(features, later=later), atol=ROUNDING
         )
     for row in features[:40]:
-        assert again.p_value(row) == pytest.approx(small.p_value(row), abs=1e-9)
-        assert again.rest_p(row, ("clipping",)) == pytest.approx(small.rest_p(row, ("clipping",)), abs=1e-9)
+        assert again.p_value(row) == pytest.approx(small.p_value(row), abs=RANK)
+        assert again.rest_p(row, ("clipping",)) == pytest.approx(small.rest_p(row, ("clipping",)), abs=RANK)
     one, other = (of.estimators["clipping", "rail"] for of in (small, again))
-    np.testing.assert_allclose(other.estimate(features), one.estimate(features), atol=1e-9)
-    np.testing.assert_allclose(other.within(features), one.within(features), rtol=1e-9)
+    np.testing.assert_allclose(other.estimate(features), one.estimate(features), atol=ROUNDING)
+    np.testing.assert_allclose(other.within(features), one.within(features), rtol=ROUNDING)
     assert again.calibration is not None
     assert again.calibration.named_from == 0.7
     assert again.thresholds == small.thresholds
@@ -72,9 +76,9 @@ def test_columns_follow_their_names(small: Learnt, features: np.ndarray, tmp_pat
     order = np.random.default_rng(2).permutation(len(NAMES))
     again = read_learnt(tmp_path, ("context|new", *(NAMES[k] for k in order)))
     moved = np.column_stack([np.full(len(features), 7.0, np.float32), features[:, order]])
-    np.testing.assert_allclose(again.log_odds(moved), small.log_odds(features), atol=1e-9)
+    np.testing.assert_allclose(again.log_odds(moved), small.log_odds(features), atol=ROUNDING)
     one, other = (of.estimators["clipping", "rail"] for of in (small, again))
-    np.testing.assert_allclose(other.estimate(moved), one.estimate(features), atol=1e-9)
+    np.testing.assert_allclose(other.estimate(moved), one.estimate(features), atol=ROUNDING)
 
 
 def test_a_feature_that_is_gone_is_named(small: Learnt, tmp_path: Path) -> None:
