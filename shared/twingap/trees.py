@@ -91,8 +91,12 @@ class Trees:
     @property
     def columns(self) -> int:
         """Smallest number of features that rows need."""
-        inner = self.column != np.iinfo(self.column.dtype).max
-        return int(self.column[inner].max(initial=0)) + 1
+        return int(self.column[~self.is_leaf].max(initial=0)) + 1
+
+    @property
+    def is_leaf(self) -> NDArray[np.bool_]:
+        """[nodes] Whether each node is a leaf."""
+        return np.asarray(self.column == np.iinfo(self.column.dtype).max)
 
     def arrays(self) -> dict[str, NDArray[Any]]:
         """All arrays by name, for storage."""
@@ -127,7 +131,7 @@ class Trees:
         )
         if not sound:
             return False
-        inner = self.column != np.iinfo(self.column.dtype).max
+        inner = ~self.is_leaf
         step = (self.right % _highest_bit(self.right.dtype)).astype(int)[inner]
         return bool(((step > 0) & (np.flatnonzero(inner) + step < count)).all() and not inner[-1:].any())
 

@@ -29,8 +29,7 @@ from twingap.trees import Trees
 FORMAT: Final = "twingap.learnt/1"
 """Format of learnt.json; files of another format are rejected."""
 _LEAF_BITS: Final = 8
-"""Bits of the mantissa of what a leaf adds. More change sums over hundreds of leaves by less than a hundredth, in a
-larger file."""
+"""Bits of the mantissa of what a leaf adds. A larger number is more exact and makes the file larger."""
 _OWN: Final = "twingap.effects."
 """Modules of the catalogue's own effects; an effect of the same name from elsewhere was not trained on."""
 
@@ -198,9 +197,8 @@ class _TreeWriter:
         for model in ensemble.models:
             if max(model.column.itemsize, model.right.itemsize) > 1:
                 raise ValueError("at most 254 features and 127 nodes a tree are expected")
-            # Thresholds keep all bits: a feature may be equal to one.
-            leaf = model.column == np.iinfo(model.column.dtype).max
-            values = np.where(leaf, _rounded(model.value, _LEAF_BITS), model.value)
+            # Thresholds keep all bits: a rounded one may fall on the other side of a feature's value.
+            values = np.where(model.is_leaf, _rounded(model.value, _LEAF_BITS), model.value)
             for name, nodes in (("column", model.column), ("right", model.right), ("value", values)):
                 self._nodes[name].append(nodes)
             self._nodes["sizes"].append(np.diff(np.append(model.roots, model.column.size)).astype(np.uint8))
@@ -213,7 +211,7 @@ class _TreeWriter:
 
 
 def _rounded(values: NDArray[np.float32], bits: int) -> NDArray[np.float32]:
-    """Values with so many bits of mantissa, the others 0: they compress well."""
+    """[nodes] Values rounded to this number of bits of their mantissa; the other bits are 0, which compresses well."""
     mantissa, exponent = np.frexp(values)
     return np.asarray(np.ldexp(np.round(np.ldexp(mantissa, bits)), exponent - bits), np.float32)
 

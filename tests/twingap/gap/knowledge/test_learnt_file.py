@@ -21,7 +21,7 @@ EFFECTS = ("clipping", "quantisation")
 ROUNDING = 5e-3
 """Largest change of log odds and values by the rounding of leaves."""
 RANK = 0.02
-"""Largest change of p-values: of a few hundred scores of the null distribution, some change places."""
+"""Largest change of p-values: their ranks are among a few hundred scores, some of which change places."""
 NAMES = (*(f"context|records{k}" for k in range(30)), *(f"converter.rail_{k}|all.level" for k in range(30)))
 
 
@@ -63,6 +63,17 @@ def test_what_is_read_back_predicts_as_what_was_written(small: Learnt, features:
     assert again.calibration is not None
     assert again.calibration.named_from == 0.7
     assert again.thresholds == small.thresholds
+
+
+def test_leaves_are_rounded_and_thresholds_are_not(small: Learnt, tmp_path: Path) -> None:
+    _, data = write_learnt(small, tmp_path)
+    models = small.any_gap.models  # whose nodes are the last of the file
+    values, leaf = (np.concatenate([getattr(model, name) for model in models]) for name in ("value", "is_leaf"))
+    with np.load(data) as stored:
+        written = stored["trees.value"][-values.size :]
+    np.testing.assert_array_equal(written[~leaf], values[~leaf])
+    np.testing.assert_allclose(written[leaf], values[leaf], rtol=2**-8)
+    assert (written[leaf] != values[leaf]).any()
 
 
 def test_the_same_training_writes_the_same_bytes(small: Learnt, tmp_path: Path) -> None:
