@@ -258,7 +258,10 @@ def local_cluster(n_workers: int | None) -> Iterator[str]:
     _quiet()
     try:
         with deaf_to_interrupts(), dask.config.set(_LEAN):
-            local = start(n_workers=n_workers, threads_per_worker=1, dashboard_address="127.0.0.1:0")
+            local = start(
+                n_workers=n_workers, threads_per_worker=1, dashboard_address="127.0.0.1:0",
+                silence_logs=logging.CRITICAL,
+            )  # fmt: skip
     except RuntimeError as error:
         mend = "use the backend loky, or start a cluster and give its address"
         raise TwingapError(f"no dask cluster starts on this machine: {error}", mend=mend) from error

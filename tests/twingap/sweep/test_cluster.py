@@ -164,10 +164,12 @@ def test_workers_that_are_killed_again_and_again_change_nothing(
 
     def kill_one(_: object) -> None:
         nonlocal killed
-        workers = [p for p in psutil.Process().children() if "spawn_main" in " ".join(p.cmdline())]
-        if killed < 3 and workers:
-            workers[0].kill()
-            killed += 1
+        for process in psutil.Process().children():
+            with suppress(psutil.NoSuchProcess):  # one killed before, which has not been waited for yet
+                if killed < 3 and "spawn_main" in " ".join(process.cmdline()):
+                    process.kill()
+                    killed += 1
+                    return
 
     todo = [jobs.Draw(seed, pause_s=0.2) for seed in range(10)]
     got = sweep(jobs.draw, todo, store=tmp_path, backend="dask", n_jobs=2, on_result=kill_one)
