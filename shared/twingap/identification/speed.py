@@ -35,6 +35,7 @@ COMB_ONLY: Final = "fault comb"
 _COMMON_SD, _SLIP_SD, _SPIN_SD = 0.03, 0.02, 0.02  # prior standard deviations: wider admit larger errors
 _SCATTERS = (1e-5, 3e-4, 1e-3, 4e-3, 0.015)  # candidate standard deviations of records' own speed errors
 _OUTLIER = math.log(0.02 / 0.16)  # log density of a wrong reading: 2 % of readings, anywhere within the search
+_MOST_SLIP = 0.065  # largest slip of a cage; larger takes lines of other shafts for those of this one
 _MARGIN = 3.0  # log evidence required for slip over wrong speeds: larger attributes weak slip to wrong speeds
 
 
@@ -187,6 +188,10 @@ def combine(readings: Sequence[Reading], conditions: Sequence[Condition], bearin
     ]
     without = max((a for a in models if a.covariance[1, 1] == 0), key=lambda a: a.evidence)
     with_slip = max((a for a in models if a.covariance[1, 1] > 0), key=lambda a: a.evidence)
+    if with_slip.evidence > without.evidence + _MARGIN and abs(with_slip.slip) > _MOST_SLIP and seen[:, 0].any():
+        # Combs and what was taken for lines of this shaft cannot both be right: such lines are of another one.
+        own = [replace(r, shaft=0.0, shaft_sigma=math.inf, found_by=NOT_DETECTED) for r in readings]
+        return combine(own, conditions, bearing)
     best = with_slip if with_slip.evidence > without.evidence + _MARGIN else without
     notes: list[str] = []
     estimates, mean_sigma = _estimates(best, y, sigma, moves, readings)

@@ -192,6 +192,20 @@ def test_one_misleading_record_does_not_move_the_others() -> None:
     assert rest == pytest.approx(np.ones(11), abs=1e-3)
 
 
+def test_lines_of_another_shaft_are_no_slip() -> None:
+    """A neighbour turns 6.5 % slower: if its lines were the shaft's, the cage would run ahead as no cage does."""
+    records, _ = world(n=16)
+    loud = []
+    for record in records:
+        t = np.arange(record.samples.size) / record.condition.fs_hz
+        other_hz = 0.935 * record.condition.speed_rpm / 60
+        tones = sum(2.0 / k * np.sin(2 * np.pi * k * other_hz * t + k) for k in (1, 2, 3))
+        loud.append(replace(record, samples=record.samples + tones))
+    found = estimate_speeds(RecordSet.from_records("world", "m/s^2", records.bearing, loud))
+    assert found.slip == 0
+    assert [e.ratio for e in found.estimates] == pytest.approx([1.0] * 16, abs=2e-3)
+
+
 def test_a_wandering_speed_does_not_pull_the_mean() -> None:
     records, _ = world("6205", 20_000.0, ["speed_fluctuation"], n=12, seed=5)
     off = np.abs([e.ratio - 1 for e in estimate_speeds(records).estimates])

@@ -26,6 +26,7 @@ from twingap.gap.search.initial_values import observations
 from twingap.gap.search.joint import fitted_together
 from twingap.gap.search.optimise import optimise, validation_distance
 from twingap.gap.search.path_delays import with_delays
+from twingap.gap.search.unit_impacts import effects_on_impacts, with_impacts_by_unit
 from twingap.twins.simulator import Simulator, TwinSimulator
 from twingap.twins.twin_file import TwinSpec
 
@@ -139,7 +140,8 @@ def closest_twin(
     for one in stages[1:]:
         if one is not best and (left := validation_distance(evidence, one.simulator, one.effects)) < SIMPLER * least:
             best, least = one, left
-    best = _with_units(evidence, best, least, learnt)
+    able = [name for name in effects_on_impacts() if name not in {*evidence.modelled, *found.cannot}]
+    best = _with_units(evidence, best, least, learnt, [n for n in able if evidence.can_add(n) is None])
     return Compared(evidence, best.effects, best.simulator)
 
 
@@ -190,8 +192,8 @@ def _with_spectra(
     return best
 
 
-def _with_units(evidence: Evidence, now: _Twin, left: float, learnt: Learnt) -> _Twin:
-    """The twin with path and background by unit, where a fault has several units and it is no farther for it."""
+def _with_units(evidence: Evidence, now: _Twin, left: float, learnt: Learnt, on_impacts: Sequence[str]) -> _Twin:
+    """The twin with path, background and impacts by unit, where a fault has several and it is no farther for it."""
     units = {(c.fault, unit_of(c)) for c in evidence.calibrated.fit.conditions}
     names = [name for name in (PATH, BACKGROUND) if name in now.names]
     if not names or len(units) == len({fault for fault, _ in units}):
@@ -202,6 +204,7 @@ def _with_units(evidence: Evidence, now: _Twin, left: float, learnt: Learnt) -> 
     # Values of other effects made up for what the units have in their own paths now.
     moved = optimise(evidence, *made, learnt.errors, passes=2)
     last = measured(evidence, moved.simulator, moved.effects, names, 2, by="unit") or made
+    last = with_impacts_by_unit(evidence, *last, on_impacts)
     return now if validation_distance(evidence, *last) > left else _Twin(*last, evidence.misfit(*last), "unit")
 
 
@@ -223,12 +226,17 @@ def _tried(evidence: Evidence, now: _Twin, effect: Effect, rounds: int = 1) -> _
 
 
 def _made(evidence: Evidence, now: _Twin, chain: Chain, rounds: int = 1, *, moved: bool) -> _Twin | None:
-    """The twin with other effects; path and background are measured anew where what acts before them has changed."""
+    """The twin with other effects; path and background are as they are, or measured anew where that is closer.
+
+    They are measured anew only where what acts before them has changed. What is measured matches mean spectra, which
+    may be farther in all domains together.
+    """
     names = [name for name in (PATH, BACKGROUND) if name in now.names and moved]
     try:
-        again = measured(evidence, now.simulator, chain, names, rounds, by=now.by) if names else None
-        made = again or (now.simulator, chain)
-        return _Twin(*made, evidence.misfit(*made), now.by)
+        made = [(now.simulator, chain)]
+        if names and (again := measured(evidence, now.simulator, chain, names, rounds, by=now.by)) is not None:
+            made.append(again)
+        return min((_Twin(*one, evidence.misfit(*one), now.by) for one in made), key=lambda twin: twin.misfit)
     except TwingapError:
         return None
 

@@ -38,7 +38,7 @@ def p_of_gain(before: Paired, after: Paired, root: int) -> float:
     float
         1 where there are fewer than two groups.
     """
-    gain = _squared(before) - _squared(after)
+    gain = squared_distances(before) - squared_distances(after)
     groups = np.array([c.group or c.name for c in before.conditions])
     means = np.array([gain[groups == group].mean() for group in dict.fromkeys(groups)])
     if len(means) < 2 or not np.ptp(np.abs(means)):
@@ -50,7 +50,7 @@ def p_of_gain(before: Paired, after: Paired, root: int) -> float:
     return float(found.pvalue)
 
 
-def _squared(pair: Paired) -> Array:
+def squared_distances(pair: Paired) -> Array:
     """[records] Squared distance of each record from the mean of its simulations, over all domains."""
     squares = (pair.difference / pair.scale) ** 2
     tempered = np.where(squares > _LARGE, _LARGE * (1 + np.log(np.maximum(squares, _LARGE) / _LARGE)), squares)

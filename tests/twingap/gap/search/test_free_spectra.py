@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -13,7 +14,8 @@ from twingap.effects import Effect, make_effect
 from twingap.effects.by_state import ByState, State, of_state
 from twingap.effects.registry import measured_from_spectra
 from twingap.gap.search.evidence import Evidence, simulator_of
-from twingap.gap.search.free_spectra import BACKGROUND, LINES, PATH, By, Line, _joined, by_of, measured
+from twingap.gap.search.free_spectra import BACKGROUND, LINES, PATH, By, by_of, measured
+from twingap.gap.search.missing_lines import _PART, Line, _joined, _limit
 from twingap.identification.calibrate import calibrate
 from twingap.records import Condition, RecordSet
 from twingap.twins.phenomenological import PhenomenologicalParameters, PhenomenologicalTwin
@@ -66,6 +68,21 @@ def test_path_is_recovered_up_to_a_constant_gain() -> None:
     assert np.quantile(np.abs(off), 0.8) < 2.0
 
 
+def test_path_is_not_told_between_the_lines_of_impacts() -> None:
+    """Side lines that the twin lacks are no gains of the path, which lines of impacts at another speed would meet."""
+    swell = make_effect("load_zone", {"depth": 0.9})
+    conditions = [
+        Condition(f"{fault}{i}", 2900.0 + i, 10000.0, 20000, fault) for fault in ("healthy", "inner") for i in range(6)
+    ]
+    evidence = evidence_of(swell, conditions=conditions)
+    simulator, chain = measured(evidence, evidence.against().simulator, (), (PATH, BACKGROUND)) or pytest.fail()
+    faster = [replace(c, speed_rpm=1.04 * c.speed_rpm) for c in conditions if c.fault == "inner"]
+    machine = PhenomenologicalTwin(BEARINGS["6205"], OWN, (swell,)).simulate(faster, np.random.default_rng(5))
+    made = evidence.simulated(simulator, chain, faster, 2)
+    levels = [twin.samples.std() / own.samples.std() for twin, own in zip(made, machine, strict=True)]
+    assert np.median(levels) == pytest.approx(1.0, abs=0.15)
+
+
 def test_background_takes_the_place_of_the_twins_noise() -> None:
     noise = make_effect("coloured_noise", {"level": 2.0, "slope": 0.0, "low_hz": 3500.0, "high_hz": 4500.0})
     factor, found = closes(evidence_of(noise), (BACKGROUND,))
@@ -85,6 +102,18 @@ def test_lines_are_found_in_hz_and_in_orders() -> None:
     np.testing.assert_allclose(lines.frequencies_hz, (1237.0, 3311.0), atol=2.0)
     np.testing.assert_allclose(lines.amplitudes, (0.6, 0.4), rtol=0.35)
     np.testing.assert_allclose(lines.orders, (9.7,), atol=0.1)
+
+
+@pytest.mark.parametrize("full", [0.0, 0.7])
+def test_noise_exceeds_the_limit_of_lines_as_often_as_stated(full: float) -> None:
+    """Where most places are those of lines, too: among many lines, none is hidden by the others."""
+    rng = np.random.default_rng(3)
+    records, bins, count, level = 8, 3, 40_000, 2e-3
+    power = rng.exponential(size=(records, count, bins)).max(axis=2) / np.log(2)
+    heights = np.quantile(np.log(power), _PART, axis=0, method="lower")
+    lines = rng.uniform(size=count) < full
+    limit = _limit(heights + 3.0 * lines, records, bins, level)
+    assert 0.15 * level < np.mean(heights > limit) < 1.4 * level
 
 
 @pytest.mark.parametrize("seed", range(3))
