@@ -65,7 +65,8 @@ def write_learnt(learnt: Learnt, folder: Path, parameters: Mapping[str, Any] | N
         np.savez_compressed(file, **small)
     table["npz_sha256"] = hashlib.sha256(data.read_bytes()).hexdigest()
     with replacing(text) as temporary:
-        temporary.write_text(json.dumps(table, indent=0) + "\n", encoding="utf-8", newline="\n")
+        rows = (f"{json.dumps(name)}:{json.dumps(value, separators=(',', ':'))}" for name, value in table.items())
+        temporary.write_text("{\n" + ",\n".join(rows) + "\n}\n", encoding="utf-8", newline="\n")
     return text, data
 
 
