@@ -1,7 +1,8 @@
 """The closest twin: everything that brings the twin closer, whether or not it can be named.
 
 verdict's twin --spectra: path, background--> --effects one by one, best first--> --joint search of all values-->
-               --spectra again, lines--> closest twin, kept where other random streams confirm it
+               --spectra again, lines--> units: path, background, impacts of their own--> closest twin,
+               kept where other random streams confirm it
 
 Effects stand in for each other: in a real machine several of them, none of which can be named, may close a gap
 together. What the closest twin closes, and which group of effects closes it, is measured on held-out records.
