@@ -59,7 +59,7 @@ def equations(job: Job, np_like: Any = np) -> Callable[[Any, Any, Any], Any]:
     return slope
 
 
-def with_jax(job: Job, starts: Array, first: Array, dt: float, steps: int) -> Callable[[], Array]:
+def with_jax(job: Job, starts: Array, first: Array, dt: float, steps: int, device: str = "cpu") -> Callable[[], Array]:
     """Classical RK4, jitted and vmapped over trajectories [trajectories, 2] from states [trajectories, 4]."""
     import jax
     import jax.numpy as jnp
@@ -79,11 +79,13 @@ def with_jax(job: Job, starts: Array, first: Array, dt: float, steps: int) -> Ca
         return jax.lax.fori_loop(0, steps, step, state)
 
     run = jax.jit(jax.vmap(one))
-    states, begins = jax.device_put((first, starts), jax.devices("cpu")[0])
+    states, begins = jax.device_put((first, starts), jax.devices(device)[0])
     return lambda: np.asarray(run(states, begins))
 
 
-def with_diffrax(job: Job, starts: Array, first: Array, dt: float, steps: int) -> Callable[[], Array]:
+def with_diffrax(
+    job: Job, starts: Array, first: Array, dt: float, steps: int, device: str = "cpu"
+) -> Callable[[], Array]:
     """The same through diffrax, whose solvers take any tableau: here that of classical RK4, with constant steps."""
     import diffrax
     import jax
@@ -111,7 +113,7 @@ def with_diffrax(job: Job, starts: Array, first: Array, dt: float, steps: int) -
         ).ys[0]  # fmt: skip
 
     run = jax.jit(jax.vmap(one))
-    states, begins = jax.device_put((first, starts), jax.devices("cpu")[0])
+    states, begins = jax.device_put((first, starts), jax.devices(device)[0])
     return lambda: np.asarray(run(states, begins))
 
 

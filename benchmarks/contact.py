@@ -169,11 +169,18 @@ def _per_step(seconds: dict[str, list[float]], work: dict[str, float], name: str
 
 def _ours(own: ContactParameters, groups: int, samples: int, factor: int) -> Array:
     """What a batch of records costs, from states to decimated accelerations; returns the last states."""
+    return prepared(own, groups, samples, factor)()
+
+
+def prepared(
+    own: ContactParameters, groups: int, samples: int, factor: int, device: str = "cpu"
+) -> Callable[[], Array]:
+    """A call that integrates from random angles."""
     points = samples + LOOK_BACK + LOOK_AHEAD + 1
     job = Job(BEARING, own, Condition("bench", SPEED_RPM, FS_HZ, points - 1, "outer"), np.zeros(1))
     random = np.random.default_rng(0).random((2, groups, 1, LANES))
     even = np.arange(points)[None, :, None] * (SPEED_RPM / 60 / FS_HZ)
-    return _go(job, groups, even + random[0], BEARING.ftf * even + random[1], factor)
+    return partial(_go, job, groups, even + random[0], BEARING.ftf * even + random[1], factor, device)
 
 
 def _last(own: ContactParameters, begin: Array, samples: int) -> Array:
@@ -183,12 +190,15 @@ def _last(own: ContactParameters, begin: Array, samples: int) -> Array:
     return _go(job, 1, even + begin[0], BEARING.ftf * even + begin[1], FACTOR)[0, :, 0]
 
 
-def _go(job: Job, groups: int, turns: Array, cage: Array, factor: int) -> Array:
+def _go(job: Job, groups: int, turns: Array, cage: Array, factor: int, device: str = "cpu") -> Array:
     state = np.zeros((groups, 4, LANES))
     state[:, 0], state[:, 1] = job.equilibrium.x, job.equilibrium.y
     rows = np.tile(np.array(job.rows(factor))[None, :, None], (groups, 1, LANES))
     output = np.empty((groups, max(turns.shape[1] - LOOK_BACK - LOOK_AHEAD, 0), LANES))
-    integrate(BEARING.n_rollers, state, turns, cage, rows, *low_pass(factor), output)
+    point = job.parameters.contact == "point"
+    integrate(
+        BEARING.n_rollers, state, turns, cage, rows, *low_pass(factor), output, point_contact=point, device=device
+    )  # fmt: skip
     return state
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Iterable
+from enum import Enum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -15,6 +16,13 @@ from twingap.cli.progress import steps
 if TYPE_CHECKING:
     from twingap.records import Condition
     from twingap.twins.twin_file import TwinSpec
+
+
+class Device(Enum):
+    """Where twins are integrated."""
+
+    cpu = "cpu"
+    cuda = "cuda"
 
 
 def simulate(
@@ -34,6 +42,9 @@ def simulate(
             "has a record per condition, and the column unit names it.",
         ),
     ] = None,
+    device: Annotated[
+        Device, typer.Option(help="cuda: many records of a contact twin at once, on an NVIDIA GPU.")
+    ] = Device.cpu,
     effects: Effects = None,
     seed: Seed = 0,
     as_json: Json = False,
@@ -57,7 +68,7 @@ def simulate(
     notes = [note] if (note := overruled(spec, stated.bearing)) else []
     notes += _without_amplitude(spec, conditions)
     spec, of_scale = scaled_for(spec, unit)
-    made = simulated(spec, conditions, bearing, unit, seed, population)
+    made = simulated(spec, conditions, bearing, unit, seed, population, device.value)
     count = len(conditions) * (population or 1)
     write_records(out, f"{spec.model} twin", unit, bearing, None, steps(made, "simulate", count))
     rows = [

@@ -11,8 +11,7 @@ from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
-from itertools import islice
-from typing import ClassVar, Final, Literal
+from typing import ClassVar, Final, Literal, Self
 
 import numpy as np
 
@@ -24,6 +23,9 @@ from twingap.records import Condition, Record, RecordSet
 from twingap.streams import Streams, root_entropy
 
 _MOST_TURNS: Final = 10
+
+GPU_SAMPLES: Final = 2**24
+"""Samples of a batch for a GPU, which needs many records at once. More need more memory, some 60 bytes each."""
 
 
 class Twin(ABC):
@@ -48,12 +50,18 @@ class Twin(ABC):
         What its drafts let an effect act on, see `Draft`.
     inherent_effects : frozenset[str]
         Effects that follow from its own physics: naming one is allowed and changes nothing.
+    devices : tuple[str, ...]
+        Where its response can be computed.
+    device : str
+        Where it is computed, see `on`.
     """
 
     model: ClassVar[str]
     batch: ClassVar[int] = 1
     excitation: ClassVar[Literal["impacts", "rollers", "waveform"]] = "impacts"
     inherent_effects: ClassVar[frozenset[str]] = frozenset()
+    devices: ClassVar[tuple[str, ...]] = ("cpu",)
+    device: str = "cpu"
 
     def __init__(self, bearing: Bearing, effects: Iterable[Effect] = (), unit: str = "m/s^2") -> None:
         self.bearing, self.unit = bearing, unit
@@ -62,6 +70,37 @@ class Twin(ABC):
         for name in names:
             if names.count(name) > 1:
                 raise TwingapError(f"effect {name!r} is named twice", where=f"twin {self.model}")
+
+    def on(self, device: str) -> Self:
+        """This twin, computing its response on another device from now on.
+
+        Parameters
+        ----------
+        device : {"cpu", "cuda"}
+            "cuda": an NVIDIA GPU, for many records of the contact twin at once. Random numbers and effects stay on the
+            CPU, so that each record is the same within rounding.
+
+        Raises
+        ------
+        TwingapError
+            For an unknown device, one that this twin cannot use, or one that is not there.
+        """
+        where = f"twin {self.model}"
+        if device not in ("cpu", "cuda"):
+            raise TwingapError(f"unknown device {device!r}", where=where, mend="use cpu or cuda")
+        if device not in self.devices:
+            what = f"only the integration of the contact twin runs on {device!r}"
+            raise TwingapError(what, where=where, mend="leave the device out")
+        if device == "cuda":
+            try:
+                from twingap.twins import gpu
+            except ImportError as error:
+                raise TwingapError(
+                    f"numba has no CUDA: {error}", where=where, mend="pip install 'twingap[gpu]'"
+                ) from error
+            gpu.check(where)
+        self.device = device
+        return self
 
     @property
     @abstractmethod
@@ -124,7 +163,7 @@ class Twin(ABC):
         ------
         Record
         """
-        root, batches = root_entropy(rng), _batches(conditions, self.batch)
+        root, batches = root_entropy(rng), _batches(conditions, self.batch, GPU_SAMPLES if self.device == "cuda" else 0)
 
         def made(start: int, batch: list[Condition]) -> list[Record]:
             return self.make(batch, [Streams(root, start + i) for i in range(len(batch))])
@@ -192,9 +231,15 @@ def _white(draft: Draft, streams: Streams) -> np.ndarray[tuple[int], np.dtype[np
     return np.asarray(math.sqrt(1 - part) * white + math.sqrt(part) * before[LEAD:])
 
 
-def _batches(conditions: Iterable[Condition], size: int) -> Iterator[tuple[int, list[Condition]]]:
-    """Index of the first condition, and the conditions, of each batch."""
-    source, done = iter(conditions), 0
-    while batch := list(islice(source, size)):
+def _batches(conditions: Iterable[Condition], size: int, samples: int) -> Iterator[tuple[int, list[Condition]]]:
+    """Index of the first condition, and the conditions, of each batch: `size` records, or more for so many samples."""
+    done, long, batch = 0, 0.0, list[Condition]()
+    for condition in conditions:
+        batch.append(condition)
+        # A short record is integrated from long before its start.
+        long += max(condition.n_samples, condition.fs_hz / 8)
+        if len(batch) >= size and long >= samples:
+            yield done, batch
+            done, long, batch = done + len(batch), 0.0, []
+    if batch:
         yield done, batch
-        done += len(batch)

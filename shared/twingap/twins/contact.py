@@ -97,6 +97,7 @@ class ContactTwin(Twin):
 
     model: ClassVar[str] = "contact"
     batch: ClassVar[int] = 64
+    devices: ClassVar[tuple[str, ...]] = ("cpu", "cuda")
     excitation: ClassVar[Literal["impacts", "rollers", "waveform"]] = "rollers"
     inherent_effects: ClassVar[frozenset[str]] = frozenset(
         name for name, kind in catalogue().items() if "contact" in kind.inherent_in
@@ -164,7 +165,7 @@ class ContactTwin(Twin):
 
 
 def respond_together(twins: Sequence[ContactTwin], drafts: Sequence[Draft]) -> None:
-    """Compute the waveform of each draft by its own twin, all integrated at once."""
+    """Compute the waveform of each draft by its own twin, all integrated at once on the first one's device."""
     jobs = []
     for twin, draft in zip(twins, drafts, strict=True):
         assert isinstance(draft, ContactDraft)
@@ -180,7 +181,8 @@ def respond_together(twins: Sequence[ContactTwin], drafts: Sequence[Draft]) -> N
                 starts,
             )
         )
-    for twin, draft, (contact, lead) in zip(twins, drafts, accelerations(jobs), strict=True):
+    device = twins[0].device if twins else "cpu"
+    for twin, draft, (contact, lead) in zip(twins, drafts, accelerations(jobs, device), strict=True):
         gain = twin.parameters.scale * (np.ones(draft.t.size) if draft.gain is None else draft.gain)
         contact *= np.pad(gain, (lead, 0), mode="edge")
         total = contact.copy()

@@ -19,6 +19,7 @@ from scipy.signal import firwin
 from twingap.bearing import Bearing
 from twingap.errors import TwingapError
 from twingap.records import Condition
+from twingap.twins.base import GPU_SAMPLES
 from twingap.twins.contact_parameters import ContactParameters
 
 Array = NDArray[np.float64]
@@ -301,8 +302,8 @@ class Job:
         return turns + self.starts[0], cage + self.starts[1]
 
 
-def accelerations(jobs: Sequence[Job]) -> list[tuple[Array, int]]:
-    """Accelerations of jobs, integrated in groups of sixteen of the same kind.
+def accelerations(jobs: Sequence[Job], device: str = "cpu") -> list[tuple[Array, int]]:
+    """Accelerations of jobs, integrated in groups of sixteen of the same kind, on the CPU or a GPU ("cuda").
 
     Returns
     -------
@@ -320,12 +321,12 @@ def accelerations(jobs: Sequence[Job]) -> list[tuple[Array, int]]:
         kinds.setdefault(kind, []).append(place)
     done: dict[int, tuple[Array, int]] = {}
     for (factor, n_rollers, contact), places in kinds.items():
-        done |= _of_a_kind(jobs, places, factor, n_rollers, contact == "point")
+        done |= _of_a_kind(jobs, places, factor, n_rollers, contact == "point", device)
     return [done[place] for place in range(len(jobs))]
 
 
 def _of_a_kind(
-    jobs: Sequence[Job], places: list[int], factor: int, n_rollers: int, point_contact: bool
+    jobs: Sequence[Job], places: list[int], factor: int, n_rollers: int, point_contact: bool, device: str
 ) -> dict[int, tuple[Array, int]]:
     """Integrate jobs with the same step and bearing; unused lanes repeat the last job."""
     from twingap.twins.contact_kernel import (
@@ -340,6 +341,14 @@ def _of_a_kind(
     leads = {place: LOOK_BACK + jobs[place].settling() for place in places}
     intervals = {place: leads[place] + jobs[place].condition.n_samples - 1 + LOOK_AHEAD for place in places}
     ordered = sorted(places, key=lambda place: intervals[place])
+    if device == "cuda" and len(ordered) > LANES and len(ordered) * intervals[ordered[-1]] > 2 * GPU_SAMPLES:
+        # All are integrated in arrays as long as the longest: halves of similar length bound the memory.
+        half = len(ordered) // 2
+        parts = (
+            _of_a_kind(jobs, part, factor, n_rollers, point_contact, device)
+            for part in (ordered[:half], ordered[half:])
+        )
+        return {place: made for part in parts for place, made in part.items()}
     ordered += [ordered[-1]] * (-len(ordered) % LANES)
     lanes = [ordered[at : at + LANES] for at in range(0, len(ordered), LANES)]
     lengths = np.array([max(intervals[place] for place in group) for group in lanes])
@@ -353,7 +362,10 @@ def _of_a_kind(
             rows[g, :, lane] = job.rows(factor)
             state[g, :2, lane] = job.equilibrium.x, job.equilibrium.y
     output = np.empty((len(lanes), points - LOOK_BACK - LOOK_AHEAD, LANES))
-    integrate(n_rollers, state, turns, cage, rows, first, second, output, lengths=lengths, point_contact=point_contact)
+    integrate(
+        n_rollers, state, turns, cage, rows, first, second, output,
+        lengths=lengths, point_contact=point_contact, device=device,
+    )  # fmt: skip
     done: dict[int, tuple[Array, int]] = {}
     for g, group in enumerate(lanes):
         for lane, place in enumerate(group):

@@ -119,6 +119,52 @@ def _accelerate(x, y, vx, vy, c, s, depth, roller, stiffness, damping, clearance
     )
 
 
+@njit(inline="always")
+def _interval(t, dt, c, dc, part, g, eccentric, per_turn, per_cage, passed, z):  # type: ignore[no-untyped-def]
+    # At a sample: cage, its turn in half a step, shaft, its turn (cos and sin each); unbalance; phase and its step.
+    speed = dt * part / (2.0 * g)
+    p = per_turn * t + per_cage * c + passed
+    c0, s0 = _turn(c - math.floor(c))
+    rc, rs = _turn(0.5 * part * dc)
+    d0, e0 = _turn(t - math.floor(t))
+    qc, qs = _turn(0.5 * part * dt)
+    # Whole rounds of all rollers change nothing, but would cost digits late in a long record.
+    p -= z * math.floor(p / z)
+    return c0, s0, rc, rs, d0, e0, qc, qs, eccentric * speed * speed, p, per_turn * dt + per_cage * dc
+
+
+@njit(inline="always")
+def _step(x, y, vx, vy, c0, s0, rc, rs, d0, e0, qc, qs, unbalance, p, dp, u0, u1, u2, own, along, across, line, z):  # type: ignore[no-untyped-def] # fmt: skip
+    # State, cage and shaft after a step, and the acceleration in y before it. u0, u1, u2: parts of the interval.
+    g, k, cm, gap, fx, fy, deep, steep, narrow, moves = own
+    h = 2.0 * g
+    c1, s1 = c0 * rc - s0 * rs, s0 * rc + c0 * rs
+    c2, s2 = c1 * rc - s1 * rs, s1 * rc + c1 * rs
+    d1, e1 = d0 * qc - e0 * qs, e0 * qc + d0 * qs
+    d2, e2 = d1 * qc - e1 * qs, e1 * qc + d1 * qs
+    b0, j0 = _defect(p + dp * u0, deep, steep, narrow, moves, z)
+    b1, j1 = _defect(p + dp * u1, deep, steep, narrow, moves, z)
+    b2, j2 = _defect(p + dp * u2, deep, steep, narrow, moves, z)
+    px, py = fx + unbalance * d0, fy + unbalance * e0
+    qx, qy = fx + unbalance * d1, fy + unbalance * e1
+    rx, ry = fx + unbalance * d2, fy + unbalance * e2
+    # Classical RK4 for x'' = a: the stages' velocities are (vx, vy), (ux, uy), (wx, wy), (zx, zy).
+    ax, ay = _accelerate(x, y, vx, vy, c0, s0, b0, j0, k, cm, gap, px, py, along, across, line)
+    ux, uy = vx + g * ax, vy + g * ay
+    x1, y1 = x + g * vx, y + g * vy
+    bx, by = _accelerate(x1, y1, ux, uy, c1, s1, b1, j1, k, cm, gap, qx, qy, along, across, line)
+    wx, wy = vx + g * bx, vy + g * by
+    x2, y2 = x + g * ux, y + g * uy
+    cx, cy = _accelerate(x2, y2, wx, wy, c1, s1, b1, j1, k, cm, gap, qx, qy, along, across, line)
+    zx, zy = vx + h * cx, vy + h * cy
+    x3, y3 = x + h * wx, y + h * wy
+    dx, dy = _accelerate(x3, y3, zx, zy, c2, s2, b2, j2, k, cm, gap, rx, ry, along, across, line)
+    sixth = h * (1.0 / 6.0)
+    x, y = x + h * (vx + sixth * (ax + bx + cx)), y + h * (vy + sixth * (ay + by + cy))
+    vx, vy = vx + sixth * (ax + 2.0 * (bx + cx) + dx), vy + sixth * (ay + 2.0 * (by + cy) + dy)
+    return x, y, vx, vy, c2, s2, d2, e2, ay
+
+
 @njit
 def _weighed(ring, taps, oldest, output, ready):  # type: ignore[no-untyped-def]
     sums = np.zeros(16)
@@ -154,17 +200,13 @@ def _run(state, turns, cage, rows, intervals, first, second, output, along, acro
             w[16, lane] = cage[i, lane]
             w[17, lane] = cage[i + 1, lane] - w[16, lane]
         for lane in range(16):
-            t, dt, c, dc = w[14, lane], w[15, lane], w[16, lane], w[17, lane]
-            w[5, lane], w[6, lane] = _turn(c - math.floor(c))
-            w[7, lane], w[8, lane] = _turn(0.5 * part * dc)
-            w[9, lane], w[10, lane] = _turn(t - math.floor(t))
-            w[11, lane], w[12, lane] = _turn(0.5 * part * dt)
-            speed = dt * part / (2.0 * w[18, lane])
-            w[13, lane] = w[24, lane] * speed * speed
-            p = w[28, lane] * t + w[29, lane] * c + w[30, lane]
-            # Whole rounds of all rollers change nothing, but would cost digits late in a long record.
-            w[14, lane] = p - z * math.floor(p / z)
-            w[15, lane] = w[28, lane] * dt + w[29, lane] * dc
+            (
+                w[5, lane], w[6, lane], w[7, lane], w[8, lane], w[9, lane], w[10, lane], w[11, lane], w[12, lane],
+                w[13, lane], w[14, lane], w[15, lane],
+            ) = _interval(
+                w[14, lane], w[15, lane], w[16, lane], w[17, lane], part, w[18, lane], w[24, lane], w[28, lane],
+                w[29, lane], w[30, lane], z,
+            )  # fmt: skip
         for half in range(2):
             for step in range(steps):
                 inside = half * steps + step
@@ -172,42 +214,18 @@ def _run(state, turns, cage, rows, intervals, first, second, output, along, acro
                 f0, f1, f2 = first[0, step], first[1, step], first[2, step]
                 f3, f4, f5 = first[3, step], first[4, step], first[5, step]
                 for lane in range(16):
-                    g, k, cm = w[18, lane], w[19, lane], w[20, lane]
-                    gap, fx, fy = w[21, lane], w[22, lane], w[23, lane]
-                    deep, steep, narrow, moves = w[25, lane], w[26, lane], w[27, lane], w[31, lane]
-                    h, rc, rs = 2.0 * g, w[7, lane], w[8, lane]
-                    c0, s0 = w[5, lane], w[6, lane]
-                    c1, s1 = c0 * rc - s0 * rs, s0 * rc + c0 * rs
-                    c2, s2 = c1 * rc - s1 * rs, s1 * rc + c1 * rs
-                    qc, qs, unbalance = w[11, lane], w[12, lane], w[13, lane]
-                    d0, e0 = w[9, lane], w[10, lane]
-                    d1, e1 = d0 * qc - e0 * qs, e0 * qc + d0 * qs
-                    d2, e2 = d1 * qc - e1 * qs, e1 * qc + d1 * qs
-                    p, dp = w[14, lane], w[15, lane]
-                    b0, j0 = _defect(p + dp * u0, deep, steep, narrow, moves, z)
-                    b1, j1 = _defect(p + dp * u1, deep, steep, narrow, moves, z)
-                    b2, j2 = _defect(p + dp * u2, deep, steep, narrow, moves, z)
-                    x, y, vx, vy = w[0, lane], w[1, lane], w[2, lane], w[3, lane]
-                    px, py = fx + unbalance * d0, fy + unbalance * e0
-                    qx, qy = fx + unbalance * d1, fy + unbalance * e1
-                    rx, ry = fx + unbalance * d2, fy + unbalance * e2
-                    # Classical RK4 for x'' = a: the stages' velocities are (vx, vy), (ux, uy), (wx, wy), (zx, zy).
-                    ax, ay = _accelerate(x, y, vx, vy, c0, s0, b0, j0, k, cm, gap, px, py, along, across, line)
-                    ux, uy = vx + g * ax, vy + g * ay
-                    x1, y1 = x + g * vx, y + g * vy
-                    bx, by = _accelerate(x1, y1, ux, uy, c1, s1, b1, j1, k, cm, gap, qx, qy, along, across, line)
-                    wx, wy = vx + g * bx, vy + g * by
-                    x2, y2 = x + g * ux, y + g * uy
-                    cx, cy = _accelerate(x2, y2, wx, wy, c1, s1, b1, j1, k, cm, gap, qx, qy, along, across, line)
-                    zx, zy = vx + h * cx, vy + h * cy
-                    x3, y3 = x + h * wx, y + h * wy
-                    dx, dy = _accelerate(x3, y3, zx, zy, c2, s2, b2, j2, k, cm, gap, rx, ry, along, across, line)
-                    sixth = h * (1.0 / 6.0)
-                    w[0, lane] = x + h * (vx + sixth * (ax + bx + cx))
-                    w[1, lane] = y + h * (vy + sixth * (ay + by + cy))
-                    w[2, lane] = vx + sixth * (ax + 2.0 * (bx + cx) + dx)
-                    w[3, lane] = vy + sixth * (ay + 2.0 * (by + cy) + dy)
-                    w[5, lane], w[6, lane], w[9, lane], w[10, lane] = c2, s2, d2, e2
+                    x, y, vx, vy, c, s, d, e, ay = _step(
+                        w[0, lane], w[1, lane], w[2, lane], w[3, lane], w[5, lane], w[6, lane], w[7, lane], w[8, lane],
+                        w[9, lane], w[10, lane], w[11, lane], w[12, lane], w[13, lane], w[14, lane], w[15, lane],
+                        u0, u1, u2,
+                        (
+                            w[18, lane], w[19, lane], w[20, lane], w[21, lane], w[22, lane], w[23, lane], w[25, lane],
+                            w[26, lane], w[27, lane], w[31, lane],
+                        ),
+                        along, across, line, z,
+                    )  # fmt: skip
+                    w[0, lane], w[1, lane], w[2, lane], w[3, lane] = x, y, vx, vy
+                    w[5, lane], w[6, lane], w[9, lane], w[10, lane] = c, s, d, e
                     w[32, lane] += f0 * ay
                     w[33, lane] += f1 * ay
                     w[34, lane] += f2 * ay
@@ -251,6 +269,7 @@ def integrate(
     *,
     lengths: NDArray[np.int64] | None = None,
     point_contact: bool = True,
+    device: str = "cpu",
 ) -> None:
     """Integrate groups of sixteen trajectories; `numba.set_num_threads` sets the number of cores.
 
@@ -272,15 +291,23 @@ def integrate(
     output : Array [groups, intervals + 1 - LOOK_BACK - LOOK_AHEAD, 16]
         Filled with the acceleration in y, m/s^2, at sample LOOK_BACK and those after it.
     lengths : NDArray[int64] [groups], optional
-        Intervals to integrate in each group; all of them when left out. What lies beyond stays as it was.
+        Intervals to integrate in each group; all of them when left out. What lies beyond stays as it was, or is
+        undefined on a GPU.
     point_contact : bool
         delta^1.5 (balls); False: delta^(10/9) (cylinders), slower by the power function.
+    device : {"cpu", "cuda"}
+        "cuda": on a GPU, the same within rounding (`twins.gpu`).
     """
     along = tuple(math.cos(2 * math.pi * j / n_rollers) for j in range(n_rollers))
     across = tuple(math.sin(2 * math.pi * j / n_rollers) for j in range(n_rollers))
     if lengths is None:
         lengths = np.full(state.shape[0], turns.shape[1] - 1)
     line = None if point_contact else 10.0 / 9.0
+    if device == "cuda":
+        from twingap.twins import gpu
+
+        gpu.integrate(state, turns, cage, rows, lengths, first, second, output, along, across, line)
+        return
     threads = get_num_threads()
     # numba's simplest threading layer ends the process when two Python threads enter at once.
     with _ONE_AT_A_TIME:

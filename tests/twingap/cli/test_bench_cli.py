@@ -13,6 +13,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
+from numba import cuda
 
 import benchmarks
 from benchmarks.harness import Measurement, Target
@@ -131,6 +132,19 @@ def test_mistakes_are_one_line(fake: Path) -> None:
         done = bench(fake, *words)
         assert done.returncode == 2 and done.stdout == ""
         assert done.stderr.count("\n") == 1 and expected in done.stderr
+
+
+def test_one_that_cannot_run_is_left_out_of_all(fake: Path) -> None:
+    done = bench(fake, "--no-track")
+    assert done.returncode == 0 and "ours against a peer" in done.stdout
+    assert done.stderr.count("\n") == 1 and done.stderr.startswith("left out: benchmark needy: needs no_such_peer")
+
+
+@pytest.mark.skipif(cuda.is_available(), reason="there is a GPU")
+def test_without_a_gpu_it_says_so(tmp_path: Path) -> None:
+    done = bench(tmp_path, "gpu", "--no-track")
+    assert done.returncode == 2 and done.stdout == ""
+    assert done.stderr.count("\n") == 1 and "benchmark gpu: there is no GPU that CUDA can use" in done.stderr
 
 
 def test_what_benchmarks_import_from_the_project_exists() -> None:

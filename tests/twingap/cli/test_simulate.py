@@ -232,3 +232,8 @@ def test_impacts_that_were_never_identified_are_noted(twingap: Run, twin: Path, 
     said = simulate(twingap, tmp_path / "closest.toml", table, tmp_path / "a")
     assert said.status == 0 and "not identified with faults of inner: their impacts have default" in said.out
     assert "default" not in simulate(twingap, twin, table, tmp_path / "b").out
+
+
+def test_a_device_that_the_twin_cannot_use_is_refused(twingap: Run, twin: Path, table: Path, tmp_path: Path) -> None:
+    refused(simulate(twingap, twin, table, tmp_path / "out", "--device", "cuda"), "only the integration of the contact")
+    assert not (tmp_path / "out").exists()
