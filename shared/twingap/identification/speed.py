@@ -35,7 +35,7 @@ COMB_ONLY: Final = "fault comb"
 _COMMON_SD, _SLIP_SD, _SPIN_SD = 0.03, 0.02, 0.02  # prior standard deviations: wider admit larger errors
 _SCATTERS = (1e-5, 3e-4, 1e-3, 4e-3, 0.015)  # candidate standard deviations of records' own speed errors
 _OUTLIER = math.log(0.02 / 0.16)  # log density of a wrong reading: 2 % of readings, anywhere within the search
-_MOST_SLIP = 0.065  # largest slip of a cage; larger takes lines of other shafts for those of this one
+_MOST_SLIP = 0.065  # slip from which combs alone are asked, too: larger takes lines of other shafts for this one's
 _MARGIN = 3.0  # log evidence required for slip over wrong speeds: larger attributes weak slip to wrong speeds
 
 
@@ -189,9 +189,14 @@ def combine(readings: Sequence[Reading], conditions: Sequence[Condition], bearin
     without = max((a for a in models if a.covariance[1, 1] == 0), key=lambda a: a.evidence)
     with_slip = max((a for a in models if a.covariance[1, 1] > 0), key=lambda a: a.evidence)
     if with_slip.evidence > without.evidence + _MARGIN and abs(with_slip.slip) > _MOST_SLIP and seen[:, 0].any():
-        # Combs and what was taken for lines of this shaft cannot both be right: such lines are of another one.
-        own = [replace(r, shaft=0.0, shaft_sigma=math.inf, found_by=NOT_DETECTED) for r in readings]
-        return combine(own, conditions, bearing)
+        combs_alone = [replace(r, shaft=0.0, shaft_sigma=math.inf, found_by=NOT_DETECTED) for r in readings]
+        found = combine(combs_alone, conditions, bearing)
+        if abs(math.log(found.common_ratio)) < abs(with_slip.common):
+            note = (
+                f"lines that look like the shaft's would mean a slip of the cage of {100 * with_slip.slip:.0f} %, and "
+                "speeds farther from those given than the fault combs show: they were taken for lines of another shaft"
+            )
+            return replace(found, notes=(note, *found.notes))
     best = with_slip if with_slip.evidence > without.evidence + _MARGIN else without
     notes: list[str] = []
     estimates, mean_sigma = _estimates(best, y, sigma, moves, readings)

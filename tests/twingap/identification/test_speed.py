@@ -204,6 +204,15 @@ def test_lines_of_another_shaft_are_no_slip() -> None:
     found = estimate_speeds(RecordSet.from_records("world", "m/s^2", records.bearing, loud))
     assert found.slip == 0
     assert [e.ratio for e in found.estimates] == pytest.approx([1.0] * 16, abs=2e-3)
+    assert "lines of another shaft" in found.notes[0]
+
+
+def test_a_large_slip_beside_true_speeds_is_slip() -> None:
+    """Combs alone would move the speeds away from those given, which the lines of the shaft confirm."""
+    records, _ = world(slip=0.072, effects=["shaft_harmonics"], faults=("healthy", "outer"), n=16)
+    found = estimate_speeds(records)
+    assert found.slip == pytest.approx(0.072, abs=3e-3)
+    assert [e.ratio for e in found.estimates] == pytest.approx([1.0] * 16, abs=2e-3)
 
 
 def test_a_wandering_speed_does_not_pull_the_mean() -> None:

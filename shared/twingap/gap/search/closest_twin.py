@@ -141,8 +141,8 @@ def closest_twin(
     for one in stages[1:]:
         if one is not best and (left := validation_distance(evidence, one.simulator, one.effects)) < SIMPLER * least:
             best, least = one, left
-    able = [name for name in effects_on_impacts() if name not in {*evidence.modelled, *found.cannot}]
-    best = _with_units(evidence, best, least, learnt, [n for n in able if evidence.can_add(n) is None])
+    on_impacts = [name for name in effects_on_impacts() if _addable(name, evidence, found)]
+    best = _with_units(evidence, best, least, learnt, on_impacts)
     return Compared(evidence, best.effects, best.simulator)
 
 
@@ -170,8 +170,7 @@ def _rhythms(evidence: Evidence, start: _Twin, found: Explanation) -> Iterator[_
     yield start
     for names in irregular_impacts():
         more = tuple(make_effect(name, values) for name, values in names.items() if name not in start.names)
-        out = {*evidence.modelled, *found.cannot}
-        able = all(one.name not in out and evidence.can_add(one.name) is None and evidence.fits(one) for one in more)
+        able = all(_addable(one.name, evidence, found) and evidence.fits(one) for one in more)
         if more and able:
             chain = (*start.effects, *more)
             yield _Twin(start.simulator, chain, evidence.misfit(start.simulator, chain))
@@ -250,9 +249,8 @@ def _ranked(
     Those on the excitation, which change what is measured of the path, are tried first: with large records or a contact
     twin the number of trials is small.
     """
-    out = {*evidence.modelled, *found.cannot, *now.names, *measured_from_spectra()}
-    known = catalogue()
-    names = [n for n in known if n not in out and _possible(n, found) and evidence.can_add(n) is None]
+    out = {*now.names, *measured_from_spectra()}
+    names = [n for n in catalogue() if n not in out and _possible(n, found) and _addable(n, evidence, found)]
     names.sort(key=lambda name: catalogue()[name].stage is not Stage.EXCITATION)
     best: list[tuple[float, Effect]] = []
     left = _TRIED * evidence.trials
@@ -266,6 +264,11 @@ def _ranked(
         if left <= 0:
             break
     return [effect for _, effect in sorted(best, key=lambda row: row[0])]
+
+
+def _addable(name: str, evidence: Evidence, found: Explanation) -> bool:
+    """Whether an effect can be added to the twin, which does not have it yet."""
+    return name not in evidence.modelled and name not in found.cannot and evidence.can_add(name) is None
 
 
 def _possible(name: str, found: Explanation) -> bool:

@@ -144,9 +144,11 @@ def _ways(evidence: Evidence, now: Compared, name: str) -> Iterator[tuple[Simula
         one = measured(evidence, simulator, now.effects, (name,), by=by)
         yield from [] if one is None else [one]
         return
-    alike = {*look_alikes(LINES), *look_alikes(BACKGROUND)}
-    others = tuple(effect for effect in now.effects if effect.measured or effect.name not in alike)
-    for effects, names in ((now.effects, (PATH, BACKGROUND)), (others, (PATH, BACKGROUND, LINES))):
+    alike = look_alikes(LINES)
+    without_lines = tuple(effect for effect in now.effects if effect.measured or effect.name not in alike)
+    choices: list[tuple[Chain, tuple[str, ...]]] = [(now.effects, (PATH, BACKGROUND))]
+    choices += [(without_lines, (PATH, BACKGROUND, LINES))] if without_lines != now.effects else []
+    for effects, names in choices:
         if (one := measured(evidence, simulator, effects, names, by=by)) is not None:
             yield with_delays(evidence, *one)
     if evidence.against().simulator.makes_waveforms:

@@ -13,7 +13,6 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from twingap.effects import Effect, Stage, catalogue, make_effect
 from twingap.effects.by_state import ByState, State, by_state, unit_of
@@ -24,7 +23,6 @@ from twingap.twins.simulator import Simulator
 if TYPE_CHECKING:
     from twingap.gap.search.evidence import Evidence
 
-Array = NDArray[np.float64]
 Chain = tuple[Effect, ...]
 
 _STRENGTHS: Final = 4
@@ -48,7 +46,12 @@ def with_impacts_by_unit(
     effects : sequence of Effect
         Effects of the twin, with path and background by unit.
     names : sequence of str
-        Effects on impacts that may be added.
+        Effects on impacts that may be added, or get values by unit where the twin has them.
+
+    Returns
+    -------
+    (Simulator, tuple of Effect)
+        As given where no unit's records are clearly closer.
     """
     chain = tuple(effects)
     spectra = [effect.name for effect in chain if effect.name in (PATH, BACKGROUND)]
@@ -66,17 +69,18 @@ def with_impacts_by_unit(
         rest = tuple(effect for effect in chain if effect.name != name)
         # What measuring the spectra anew gains is not what the effect does.
         least = _least(distances for _, distances in both(chain))
-        best: dict[State, tuple[float, Effect]] = {}
+        nearest = {unit: _CLEARLY * distance for unit, distance in least.items()}
+        best: dict[State, Effect] = {}
         for effect in _strengths(given or make_effect(name)):
             if not evidence.fits(effect):
                 continue
             for unit, distance in _least(distances for _, distances in both((effect, *rest))).items():
-                if distance < best.get(unit, (_CLEARLY * least[unit], None))[0]:
-                    best[unit] = distance, effect
+                if distance < nearest[unit]:
+                    nearest[unit], best[unit] = distance, effect
         if not best:
             continue
         base = given or make_effect(name).weakened(0.0)
-        own = by_state(base, {unit: effect for unit, (_, effect) in best.items()})
+        own = by_state(base, best)
         now, distances = min(both((own, *rest), 2), key=lambda made: sum(made[1].values()))
         if sum(distances.values()) < sum(least.values()):
             simulator, chain = now

@@ -15,7 +15,6 @@ from twingap.effects.by_state import ByState, State, of_state
 from twingap.effects.registry import measured_from_spectra
 from twingap.gap.search.evidence import Evidence, simulator_of
 from twingap.gap.search.free_spectra import BACKGROUND, LINES, PATH, By, by_of, measured
-from twingap.gap.search.missing_lines import _PART, Line, _joined, _limit
 from twingap.identification.calibrate import calibrate
 from twingap.records import Condition, RecordSet
 from twingap.twins.phenomenological import PhenomenologicalParameters, PhenomenologicalTwin
@@ -104,18 +103,6 @@ def test_lines_are_found_in_hz_and_in_orders() -> None:
     np.testing.assert_allclose(lines.orders, (9.7,), atol=0.1)
 
 
-def test_noise_exceeds_the_limit_of_lines_as_often_as_stated() -> None:
-    """And where most places are those of lines, the limit is hardly higher: none is hidden by the others."""
-    rng = np.random.default_rng(3)
-    records, bins, count, level = 8, 3, 40_000, 2e-3
-    power = rng.exponential(size=(records, count, bins)).max(axis=2) / np.log(2)
-    heights = np.quantile(np.log(power), _PART, axis=0, method="lower")
-    limit = _limit(heights, records, bins, level)
-    assert np.mean(heights > limit) == pytest.approx(level, rel=0.4)
-    lines = rng.uniform(size=count) < 0.7
-    assert _limit(heights + 3.0 * lines, records, bins, level) == pytest.approx(limit, abs=0.25)
-
-
 @pytest.mark.parametrize("seed", range(3))
 def test_where_nothing_is_missing_no_line_is_found(seed: int) -> None:
     """Impacts have lines of their own, which the twin has too."""
@@ -145,14 +132,6 @@ def test_a_line_that_moves_little_is_counted_once(by: By) -> None:
     lines = of_state(found[LINES], State("healthy"))
     assert lines.frequencies_hz == ()
     np.testing.assert_allclose(lines.orders, (1.0,), atol=0.02)
-
-
-def test_records_at_one_speed_do_not_decide_what_a_line_is_tied_to() -> None:
-    """Of lines of all records and of records at 30 Hz alone: one is both, and as strong as these records have it."""
-    common = [Line(10.0, 1.0, by_order=True), Line(700.0, 0.5, by_order=False)]
-    own = [Line(300.1, 2.0, by_order=False), Line(900.0, 0.3, by_order=False)]
-    joined = _joined(common, own, 30.0, 1.0)
-    assert joined == [Line(10.0, 2.0, by_order=True), Line(700.0, 0.5, by_order=False), own[1]]
 
 
 def test_side_lines_of_impacts_are_no_lines_of_another_source() -> None:
