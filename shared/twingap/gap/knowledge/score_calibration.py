@@ -31,10 +31,10 @@ _LEAST_P: Final = 0.005
 """Smallest p-value; smaller ones are clipped, because the null distribution does not resolve them."""
 _MOST_ODDS: Final = 9.0
 """Largest absolute log odds; larger ones are clipped."""
-FALSE: Final = 0.06
+FALSE: Final = 0.08
 """Largest part of named effects that may be false on machines like those trained on. It is below the target of a
 tenth as a margin for other machines. A larger value names more effects."""
-_LIMITS: Final = np.arange(0.6, 0.91, 0.025)
+_LIMITS: Final = np.arange(0.5, 0.91, 0.025)
 """Candidate limits from which an effect is named."""
 _PARTS: Final = 10
 """Folds of the cross-validation. A larger number takes longer."""
