@@ -37,7 +37,9 @@ _LARGEST_T: Final = 6.0
 _LEAST_VARIANCE: Final = 1e-12
 """Smallest variance over the mean square. It keeps t finite where a difference is the same in all groups."""
 _LEVEL: Final = "background.rms_log"
-"""Feature that is matched before the test."""
+"""Feature that is matched before the test: log10 of a level."""
+_ROUNDING: Final = 1e-6
+"""Difference of a feature below which it is rounding, which a gain on samples makes. A larger value ignores more."""
 
 
 def exchange_p_value(evidence: Evidence) -> float | None:
@@ -59,7 +61,7 @@ def exchange_p_value(evidence: Evidence) -> float | None:
         return None
     # The level was matched on the fit part alone: remove the remaining difference over both parts.
     louder = np.nan_to_num(_mean(_differences(real, _measured_simulations(evidence)))[NAMES.index(_LEVEL)])
-    differences = _differences(real, _measured_simulations(evidence, float(np.exp(louder))))
+    differences = _differences(real, _measured_simulations(evidence, float(10**louder)))
     timed = all(c.time_s is not None for c in conditions)
     covariates = np.array([(math.log(c.speed_rpm), c.time_s if timed else 0.0) for c in conditions], dtype=float)
     return sign_flip_p_value(
@@ -141,4 +143,5 @@ def _measured_simulations(evidence: Evidence, louder: float = 1.0) -> tuple[Meas
 
 def _differences(real: tuple[Measured, ...], made: tuple[Measured, ...]) -> Array:
     """[pairs, features] Features of real records less those of simulated ones."""
-    return np.concatenate([ours.values - theirs.values for ours, theirs in zip(real, made, strict=True)])
+    found = np.concatenate([ours.values - theirs.values for ours, theirs in zip(real, made, strict=True)])
+    return np.where(np.abs(found) < _ROUNDING, 0.0, found)

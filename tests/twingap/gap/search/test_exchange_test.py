@@ -12,6 +12,7 @@ import pytest
 from twingap.bearing import BEARINGS
 from twingap.effects import Effect, make_effect
 from twingap.gap.api import _confirmed
+from twingap.gap.external_simulator import ExternalSimulator
 from twingap.gap.search.effect_search import Explanation
 from twingap.gap.search.evidence import FEWEST_GROUPS, Evidence, simulator_of
 from twingap.gap.search.exchange_test import exchange_p_value, sign_flip_p_value
@@ -73,6 +74,24 @@ def test_recordings_that_differ_among_themselves_are_no_gap_and_what_all_have_is
     assert exchange_p_value(evidence_of(recordings(2), sim)) > 0.1
     rough = make_effect("quantisation", {"step": 1.5})
     assert exchange_p_value(evidence_of(recordings(2, rough), sim)) <= 0.01
+
+
+def test_a_level_that_healthy_records_set_wrong_is_no_difference() -> None:
+    """One healthy recording may be louder than another; the gain that it sets acts on all simulated samples."""
+    machine, sim = recordings(2), recordings(1)
+    step = 0.01  # a converter's: a gain on its samples leaves differences of rounding
+    machine, sim = (
+        RecordSet.from_records(
+            own.name, "g", own.bearing, [Record(r.condition, np.round(r.samples / step) * step) for r in own]
+        )
+        for own in (machine, sim)
+    )
+    evidence = evidence_of(machine, sim)
+    right = exchange_p_value(evidence)
+    simulator = evidence.against().simulator
+    assert right is not None and isinstance(simulator, ExternalSimulator)
+    louder = Evidence(evidence.calibrated, simulator.with_gain(1.4 * simulator.gain), evidence.spec, 7)
+    assert exchange_p_value(louder) == pytest.approx(right, abs=0.05)
 
 
 def test_few_groups_cannot_be_exchanged() -> None:
