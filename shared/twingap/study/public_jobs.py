@@ -33,6 +33,7 @@ from twingap.effects.background import Background
 from twingap.errors import TwingapError
 from twingap.gap.report.advice import place_words
 from twingap.gap.report.model import ClosestTwin, GapReport, Metric
+from twingap.identification.speed import Samples, estimate_speeds
 from twingap.records import Record, RecordSet
 from twingap.streams import Streams
 from twingap.study.public_closest import PIECE_S as CLOSEST_S
@@ -237,7 +238,7 @@ def chain_of(row: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
 def _against_itself(job: PublicJob, records: RecordSet, spec: TwinSpec, rng: np.random.Generator) -> dict[str, Any]:
     """One half of the records against the other as simulated; the halving depends on seed and split alone."""
     machine, sim, by = halves(records, np.random.default_rng([job.seed, job.split]))
-    sim = RecordSet("the other half", sim.unit, sim.bearing, sim.conditions, _Samples(sim))
+    sim = _as_simulated(sim, "the other half")
     if job.kind == "filtered":
         return {"split_by": by, "split": job.split, **filter_row(machine, sim, spec, rng)}
     about: dict[str, Any] = {"split_by": by, "changed": None, "acts_on": None}
@@ -260,8 +261,16 @@ def _against_same_bearing(
     if not any(bearing_of(c) == bearing and c.group != recording for c in records.conditions):
         return {"refused": "no other recording of this bearing", "records": len(own), "seconds": 0.0}
     others = records.select(lambda c: bearing_of(c) == bearing and c.group != recording)
-    sim = RecordSet("its other recordings", others.unit, others.bearing, others.conditions, _Samples(others))
-    return {"against": list(others.groups), **diagnosed(own, spec, rng, sim)}
+    return {"against": list(others.groups), **diagnosed(own, spec, rng, _as_simulated(others, "its other recordings"))}
+
+
+def _as_simulated(records: RecordSet, name: str) -> RecordSet:
+    """Real records in the place of simulated ones, at the speeds that are read off them.
+
+    A simulator turns at the speed that it states; where that of real records is wrong, every order would differ.
+    """
+    own = estimate_speeds(records).corrected(records)
+    return RecordSet(name, own.unit, own.bearing, own.conditions, Samples(own))
 
 
 def injected(records: RecordSet, effect: Effect, bearing: Bearing, seed: int) -> tuple[RecordSet, float, float, str]:
@@ -316,11 +325,3 @@ def can_be_injected(records: RecordSet) -> tuple[str, ...]:
     assert records.bearing is not None
     some = RecordSet.from_records(records.name, records.unit, records.bearing, by_fault.values())
     return tuple(n for n in catalogue() if injected(some, injected_effect(n), records.bearing, 0)[1] > 0)
-
-
-@dataclass(frozen=True)
-class _Samples:
-    records: Sequence[Record]
-
-    def __call__(self, index: int) -> np.ndarray[Any, np.dtype[np.float64]]:
-        return self.records[index].samples

@@ -42,7 +42,7 @@ ALPHA: Final = 0.05
 CAUTIOUS_ALPHA: Final = 0.03
 """Level of the test for a gap to the user's own simulator where there are too few groups of records for an exchange
 test (`exchange_test`) and no effect is certainly missing. A larger value gives more false alarms."""
-SURE: Final = 0.65
+SURE: Final = 0.75
 """Probability from which an effect is certainly missing. A larger value has more gaps confirmed by the exchange
 test."""
 ALPHA_REST: Final = 0.1
