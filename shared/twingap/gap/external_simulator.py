@@ -352,12 +352,18 @@ class ExternalSimulator:
         used = real.take((healthy or shared)[:_MOST_MEASURED])
         same = real.unit == self.sim.unit and real.unit != ""
         gain = self._level_between_tones(used) if same else self._level(used)
-        if same and abs(math.log(gain)) < SAME_GAIN:
+        # A sensitivity would scale all records, one healthy recording may be louder than another.
+        faulty = real.take([i for i in shared if i not in healthy][:_MOST_MEASURED])
+        if same and (abs(math.log(gain)) < SAME_GAIN or (healthy and self._agrees(faulty))):
             return 1.0
         of = "healthy records" if healthy else "all records, none of which is healthy"
         why = "" if same else f" (units: simulated {self.sim.unit!r}, real {real.unit!r})"
         notes.append(f"simulated samples were multiplied by {gain:.4g}, from the levels of {of}{why}")
         return gain
+
+    def _agrees(self, real: RecordSet) -> bool:
+        """Whether the simulated counterparts of these records are as loud as they are, without gain."""
+        return len(real) > 0 and abs(math.log(self._level(real))) < SAME_GAIN
 
     def _level(self, real: RecordSet) -> float:
         """Median ratio of the RMS of real records to that of simulated ones."""

@@ -165,6 +165,17 @@ def test_another_unit_is_calibrated_away() -> None:
     assert any("multiplied" in note for note in own.notes)
 
 
+def test_louder_healthy_records_alone_set_no_gain() -> None:
+    """A sensitivity scales all records; a healthy machine may be louder one day than another."""
+    louder = RecordSet.from_records(
+        "louder", "m/s^2", BEARING,
+        [Record(r.condition, r.samples * (1.3 if r.condition.fault == "healthy" else 1.0)) for r in sim()],
+    )  # fmt: skip
+    assert ExternalSimulator(louder, sim(seed=1), BEARING, 1.0).gain == 1.0
+    every = RecordSet.from_records("every", "m/s^2", BEARING, [Record(r.condition, 1.3 * r.samples) for r in sim()])
+    assert ExternalSimulator(every, sim(seed=1), BEARING, 1.0).gain == pytest.approx(1 / 1.3, rel=0.05)
+
+
 def test_of_simulated_records_at_several_rates_those_that_reach_the_real_one_are_taken() -> None:
     slow = [replace(c, name=f"slow {c.name}", fs_hz=8_000.0, n_samples=4000) for c in CONDITIONS]
     fast = [replace(c, name=f"fast {c.name}") for c in CONDITIONS]
