@@ -268,7 +268,7 @@ def _comb(record: RecordTransforms, bearing: Bearing) -> Array:
     order = orders[
         np.argmax(np.where(places < heights.size, heights[np.minimum(places, heights.size - 1)], 0).sum(axis=1))
     ]
-    aside = {"inner": 1.0, "ball": bearing.ftf}.get(str(record.condition.fault), 0.0)
+    aside = bearing.side_line_order(str(record.condition.fault)) or 0.0
     multiples = order * np.arange(1, int(heights.size / bins_per_order / order) + 2)
     sides = aside * np.arange(-_SIDE_LINES, _SIDE_LINES + 1)
     return np.unique(multiples[:, None] + sides)
