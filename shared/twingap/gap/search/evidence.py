@@ -31,12 +31,10 @@ from twingap.gap.search.free_spectra import By, Spectra
 from twingap.gap.search.parameter_scale import Setting
 from twingap.identification.baseline import MOST_SIMULATED, Key, StateSpectrum, levels_of, match_level, state_spectra
 from twingap.identification.calibrate import Calibrated, recalibrate, thinned
-from twingap.records import Condition, Record, RecordSet
+from twingap.records import Array, Condition, Record, RecordSet
 from twingap.signal.record_transforms import RecordTransforms
 from twingap.twins.simulator import Simulator, TwinSimulator
 from twingap.twins.twin_file import TwinSpec, all_parameters, flat, nested
-
-Array = NDArray[np.float64]
 
 MOST_TRIED: Final = 6
 """Records of each state that trial simulations use. A larger number makes fitted values more precise and trials
@@ -64,12 +62,7 @@ trials."""
 class Compared:
     """Comparison of the records with one simulation of them; each part is simulated on first use.
 
-    Attributes
-    ----------
-    effects : tuple of Effect
-        Effects added to the twin.
-    simulator : Simulator
-        The twin calibrated with them.
+    `effects` are those added to the twin, `simulator` is the twin calibrated with them.
     """
 
     def __init__(self, evidence: Evidence, effects: tuple[Effect, ...], simulator: Simulator) -> None:
@@ -117,19 +110,7 @@ class Compared:
 
 
 def simulator_of(calibrated: Calibrated, sim: RecordSet | None = None) -> Simulator:
-    """Simulator of a diagnosis.
-
-    Parameters
-    ----------
-    calibrated : Calibrated
-    sim : RecordSet, optional
-        The user's own simulated records.
-
-    Returns
-    -------
-    Simulator
-        The calibrated twin, or an external simulator of the simulated records.
-    """
+    """The calibrated twin, or an external simulator of the user's simulated records."""
     fit = calibrated.fit
     if sim is not None:
         others = calibrated.held_out.conditions
@@ -144,7 +125,6 @@ class Evidence:
 
     Parameters
     ----------
-    calibrated : Calibrated
     simulator : Simulator
         The calibrated twin, or the user's own simulator.
     spec : TwinSpec
@@ -354,16 +334,7 @@ class Evidence:
     def with_values(
         self, simulator: Simulator, effects: Sequence[Effect], baseline: Mapping[str, float] | None = None
     ) -> Simulator:
-        """The simulator with other values.
-
-        Parameters
-        ----------
-        simulator : Simulator
-        effects : sequence of Effect
-            Effects of the simulator, at their new values.
-        baseline : Mapping[str, float], optional
-            New values of baseline parameters.
-        """
+        """The simulator with its effects at other values and, where given, new values of baseline parameters."""
         if isinstance(simulator, ExternalSimulator):
             return simulator.with_gain(baseline["gain"]) if baseline else simulator
         if not isinstance(simulator, TwinSimulator):

@@ -18,12 +18,6 @@ def groups_of(found: Explanation, learnt: Learnt) -> tuple[GroupName, ...]:
     """Groups of which at least one member is missing at the error rate of single names, the most probable first.
 
     Members are taken to be missing independently, as in the confidence set.
-
-    Parameters
-    ----------
-    found : Explanation
-    learnt : Learnt
-        Its calibration gives the probability from which effects are named.
     """
     if not found.gap:
         return ()

@@ -13,7 +13,6 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from twingap.effects import Effect
 from twingap.effects.observations import HealthySpectrum, ModePair, Observations, SpectrumRatio
@@ -27,13 +26,13 @@ from twingap.gap.search.parameter_prior import Key, Prior, penalty, penalty_weig
 from twingap.gap.search.parameter_scale import to_number
 from twingap.identification.baseline import mode_density, state_spectra
 from twingap.identification.calibrate import thinned
+from twingap.records import Array
 from twingap.twins.twin_file import flat
 
 if TYPE_CHECKING:
     from twingap.gap.search.evidence import Evidence
     from twingap.twins.simulator import Simulator
 
-Array = NDArray[np.float64]
 
 _FINALISTS: Final = 4
 """Initial values for which the mode is calibrated too. Each costs one calibration."""
@@ -46,17 +45,10 @@ _RECORDS: Final = 6
 
 
 class Initial(NamedTuple):
-    """Initial values of an effect.
-
-    Parameters
-    ----------
-    effect : Effect
-    read : bool
-        True for values read off the records; False for the estimate at a reduced strength.
-    """
+    """Initial values of an effect."""
 
     effect: Effect
-    read: bool
+    read: bool  # True for values read off the records; False for the estimate at a reduced strength
 
 
 def better_initial(
@@ -67,21 +59,10 @@ def better_initial(
     now: float,
     priors: Mapping[Key, Prior] = MappingProxyType({}),
 ) -> Initial | None:
-    """The effect at initial values with a smaller misfit than the given ones; None where there are none.
+    """The effect of this name at initial values with a smaller misfit than `now`, that of the given ones, or None.
 
-    Parameters
-    ----------
-    evidence : Evidence
-    effects : tuple of Effect
-        All effects added to the twin.
-    name : str
-        Effect whose initial values are sought.
-    features : Array [features]
-        Features of the fit part before the effect was added.
-    now : float
-        Misfit at the given values.
-    priors : Mapping[(effect, parameter), Prior], optional
-        Priors from the estimators; they penalise reduced strengths.
+    `effects` are all effects added to the twin, `features` [features] those of the fit part before the effect was
+    added. Priors, from the estimators, penalise reduced strengths.
     """
     (given,) = (effect for effect in effects if effect.name == name)
     others = tuple(effect for effect in effects if effect.name != name)
@@ -148,14 +129,7 @@ def _averaged_misfit(
 
 
 def observations(evidence: Evidence, features: Array) -> Observations:
-    """Observations from which effects propose initial values.
-
-    Parameters
-    ----------
-    evidence : Evidence
-    features : Array [features]
-        Features of the fit part, see `comparison.feature_names`.
-    """
+    """Observations from which effects propose initial values; `features` as in `comparison.feature_names`."""
     setting, own_mode = evidence.setting, _own_mode(evidence)
     faults = frozenset(str(c.fault) for c in evidence.fit.conditions) - {"healthy"}
     rate_hz = min(c.fs_hz for c in evidence.fit.conditions)

@@ -36,23 +36,10 @@ def fitted_together(
     trials: int,
     progress: Callable[[float], None] = lambda part: None,
 ) -> tuple[Simulator, tuple[Effect, ...], float]:
-    """The twin at the values that a joint search finds closest to the trial records.
+    """The twin at the values that a joint search finds closest to the trial records, and its misfit.
 
-    Parameters
-    ----------
-    evidence : Evidence
-    simulator : Simulator
-    effects : sequence of Effect
-        Their values are the start.
-    trials : int
-        Largest number of simulations of the trial records.
-    progress : callable
-        Called with the completed part, 0 to 1.
-
-    Returns
-    -------
-    (Simulator, tuple of Effect, float)
-        With the misfit; the given ones where nothing is closer.
+    The search begins at the values of `effects` and takes at most `trials` simulations; where nothing is closer, the
+    given ones are returned.
     """
     search = ValueSearch(evidence, simulator, tuple(effects), trials, {}, 0.0)
     search.gather_effects(effects, {})

@@ -44,14 +44,7 @@ _REPLICATES: Final = 3
 
 
 def with_measured(evidence: Evidence, found: Explanation) -> Explanation:
-    """The explanation with those effects that are measured from spectra and named.
-
-    Parameters
-    ----------
-    evidence : Evidence
-    found : Explanation
-        Of effects with detectors.
-    """
+    """The explanation, of effects with detectors, with those effects that are measured from spectra and named."""
     # In the order of the catalogue: what the path explains is no background.
     names = [name for name in measured_from_spectra() if evidence.can_add(name) is None]
     if not found.gap or not names:

@@ -35,21 +35,9 @@ def without_values(spec: TwinSpec) -> tuple[str, ...]:
 def completed(
     prepared: Prepared, spec: TwinSpec, rng: np.random.Generator, learnt: Learnt
 ) -> tuple[TwinSpec, tuple[str, ...]]:
-    """The twin with values for all its effects, and notes that name the estimated ones.
+    """The twin with values for all its effects, and notes for the report that name the estimated ones.
 
-    Parameters
-    ----------
-    prepared : Prepared
-        The records, split; only the fit part is used.
-    spec : TwinSpec
-    rng : numpy.random.Generator
-        A copy of the generator that is passed to the calibration.
-    learnt : Learnt
-
-    Returns
-    -------
-    TwinSpec, tuple of str
-        The twin, and the notes for the report.
+    Only the fit part of the records is used. `rng` is a copy of the generator that is passed to the calibration.
 
     Raises
     ------

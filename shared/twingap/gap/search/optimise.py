@@ -17,7 +17,6 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Final, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
 from twingap.effects import Effect, make_effect
 from twingap.effects.base import WEAKER
@@ -27,6 +26,7 @@ from twingap.gap.distance.paired import Paired
 from twingap.gap.search.evidence import level_of
 from twingap.gap.search.parameter_prior import Key, Prior, penalty, penalty_weight
 from twingap.gap.search.parameter_scale import Setting, coordinates, to_effect, to_number
+from twingap.records import Array
 from twingap.twins.simulator import Simulator, TwinSimulator
 from twingap.twins.twin_file import all_parameters, flat
 
@@ -65,25 +65,14 @@ _SETTLED: Final = 0.985
 _OTHERS: Final = (5, 6, 7)
 """Replicates for validation: no value is fitted to them."""
 
-Array = NDArray[np.float64]
-
 
 @dataclass(frozen=True)
 class Optimised:
-    """Result of an optimisation.
+    """Result of an optimisation."""
 
-    Parameters
-    ----------
-    simulator : Simulator
-        Simulator with the optimised values of its effects and its baseline.
-    effects : tuple of Effect
-    before, misfit : float
-        Objective on the fit part at the start and at the end, penalties included.
-    """
-
-    simulator: Simulator
+    simulator: Simulator  # with the optimised values of its effects and its baseline
     effects: tuple[Effect, ...]
-    before: float
+    before: float  # objective on the fit part at the start and at the end, penalties included
     misfit: float
 
 
@@ -103,10 +92,6 @@ def optimise(
 
     Parameters
     ----------
-    evidence : Evidence
-    simulator : Simulator
-        A simulator that has these effects, or can add them.
-    effects : sequence of Effect
     errors : Mapping[(effect, parameter), float]
         Errors of estimates, on the scale of `parameter_scale`; they set the first steps.
     moved : sequence of str, optional
@@ -162,20 +147,10 @@ def not_farther(
     priors: Mapping[Key, Prior] = MappingProxyType({}),
     prior_weight: float = 1.0,
 ) -> Optimised:
-    """The optimised twin, or a closer one where its distance is larger than that of the twin without the effects.
+    """The optimised twin, or a closer one where its distance is larger than that of `bare`, without the effects.
 
     In that case the search ended in the wrong local minimum. A second search begins at the twin without the effects,
-    with a small strength of each, and the closer of both results is kept.
-
-    Parameters
-    ----------
-    evidence : Evidence
-    found : Optimised
-        Result with the effects.
-    bare : Optimised
-        Result without them.
-    errors, priors, prior_weight
-        See `optimise`.
+    with a small strength of each, and the closer of both results is kept. Other arguments as for `optimise`.
     """
     without = validation_distance(evidence, bare.simulator, ())
     if validation_distance(evidence, found.simulator, found.effects) <= without:

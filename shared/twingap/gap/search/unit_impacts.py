@@ -16,14 +16,13 @@ import numpy as np
 
 from twingap.effects import Effect, Stage, catalogue, make_effect
 from twingap.effects.by_state import ByState, State, by_state, unit_of
-from twingap.gap.search.free_spectra import BACKGROUND, PATH, measured
+from twingap.gap.search.free_spectra import BACKGROUND, PATH, Chain, measured
 from twingap.gap.search.sign_flips import squared_distances
 from twingap.twins.simulator import Simulator
 
 if TYPE_CHECKING:
     from twingap.gap.search.evidence import Evidence
 
-Chain = tuple[Effect, ...]
 
 _STRENGTHS: Final = 4
 """Strengths of each effect that are tried. More fit closer and take longer."""
@@ -39,19 +38,8 @@ def with_impacts_by_unit(
 ) -> tuple[Simulator, Chain]:
     """The twin with effects on impacts at strengths of each unit's own, where they bring its records closer.
 
-    Parameters
-    ----------
-    evidence : Evidence
-    simulator : Simulator
-    effects : sequence of Effect
-        Effects of the twin, with path and background by unit.
-    names : sequence of str
-        Effects on impacts that may be added, or get values by unit where the twin has them.
-
-    Returns
-    -------
-    (Simulator, tuple of Effect)
-        As given where no unit's records are clearly closer.
+    The twin has path and background by unit. Effects of these `names` may be added, or get values by unit where the
+    twin has them. It is as given where no unit's records are clearly closer.
     """
     chain = tuple(effects)
     spectra = [effect.name for effect in chain if effect.name in (PATH, BACKGROUND)]

@@ -13,7 +13,6 @@ from collections.abc import Iterable, Iterator, Sequence
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.signal import find_peaks
 from scipy.stats import qmc
 
@@ -25,11 +24,9 @@ from twingap.gap.search.initial_values import observations
 from twingap.gap.search.optimise import optimise
 from twingap.gap.search.sign_flips import p_of_gain
 from twingap.identification.calibrate import thinned
-from twingap.records import Record
+from twingap.records import Array, Record
 from twingap.signal import power_spectral_density
 from twingap.twins.simulator import Simulator
-
-Array = NDArray[np.float64]
 
 LEVEL: Final = 0.02
 """Level at which an effect is named, divided by the number of tested effects. A larger value names more of them."""
@@ -52,14 +49,7 @@ Chain = tuple[Effect, ...]
 def fitted(evidence: Evidence, name: str, features: Array, others: Sequence[Effect] = ()) -> Effect | None:
     """The effect at the values that bring the twin closest to the fit part; None where no value acts on the records.
 
-    Parameters
-    ----------
-    evidence : Evidence
-    name : str
-    features : Array [features]
-        Features of the fit part, without the effect.
-    others : sequence of Effect
-        Effects already added to the twin.
+    `features` [features] are those of the fit part without the effect, `others` the effects already added to the twin.
     """
     others, tried = tuple(others), dict[Effect, float]()
 
@@ -81,21 +71,11 @@ def fitted(evidence: Evidence, name: str, features: Array, others: Sequence[Effe
 
 
 def p_value(evidence: Evidence, chain: Chain, without: Chain) -> float:
-    """P-value of held-out records being no closer to the twin with one set of effects than with another.
+    """P-value (`p_of_gain`) of held-out records being no closer to the twin with `chain` than with the effects
+    `without`.
 
-    Signs of the differences in squared distance are flipped group by group. An absent effect, at values fitted to other
-    records, increases distances on average.
-
-    Parameters
-    ----------
-    evidence : Evidence
-    chain, without : tuple of Effect
-        Sets of effects with values from the fit part.
-
-    Returns
-    -------
-    float
-        1 where there are fewer than two groups.
+    Values are those of the fit part: an absent effect, at values fitted to other records, increases distances on
+    average.
     """
     part = evidence.calibrated.held_out
     grid = Grid.of(part.conditions, evidence.frame.bearing)
