@@ -77,8 +77,6 @@ class ExternalSimulator:
     reference_rms : float
         RMS of the real machine's healthy vibration (`Frame.scale`): the amplitude scale of effects where no simulated
         record is healthy.
-    name : str, optional
-        Name of the simulator; that of the record set by default.
     others : sequence of Condition
         Conditions of further real records, not used in the calibration. Simulated records are shared among all.
 

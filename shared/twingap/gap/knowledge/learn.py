@@ -110,16 +110,8 @@ def learn(examples: Examples, effects: tuple[str, ...], parameters: tuple[tuple[
           names: tuple[str, ...], progress: Callable[[str, float], None]) -> Learnt:  # fmt: skip
     """All models of the diagnosis, trained on the examples.
 
-    Parameters
-    ----------
-    effects : tuple of str
-        Names of the columns of `examples.missing`.
-    parameters : tuple of (str, str)
-        Effect and parameter of the columns of `examples.values`.
-    names : tuple of str
-        Names of the features.
-    progress : callable
-        Called with a description of the current step and the completed part, 0 to 1.
+    `effects` name the columns of `examples.missing`, `parameters` (effect, parameter) those of `examples.values`,
+    `names` the features.
 
     Raises
     ------

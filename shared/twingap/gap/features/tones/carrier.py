@@ -60,19 +60,12 @@ _SAME: Final = 2.5
 
 
 def measure(hz: Mean, records: Sequence[Whitened], deviates: Sequence[Single]) -> dict[str, float]:
-    """`NAMES` -> value of a set of records; NaN where no line can be sought.
+    """`NAMES` -> value of records and the `deviates` [bins] of each, `hz` their mean; NaN where no line can be sought.
 
     Of the strongest fixed line, and of the most probable carrier: z; logarithm of its frequency over the sampling rate;
     z of its side lines together, and of the weaker of both; their distance, orders; spread of the logarithm of its
     level between records; logarithm of its power over the bins beside it; part of the records in which an integer order
     lies there. Then z of the strongest line that is not the carrier's, and the number of such lines.
-
-    Parameters
-    ----------
-    hz : Mean
-        Of the records, in Hz.
-    records, deviates : sequence of Whitened, sequence of Single [bins]
-        All records or a few hundred, and the deviates of each.
     """
     out = dict.fromkeys(NAMES, math.nan)
     top = 0.5 * min(r.fs_hz for r in records)
