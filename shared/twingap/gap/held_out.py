@@ -18,7 +18,6 @@ from twingap.errors import TwingapError
 from twingap.gap.distance.closure import closure_interval, paired
 from twingap.gap.distance.closure_metrics import TrainingSets
 from twingap.gap.distance.feature_vectors import FeatureVectors
-from twingap.gap.distance.grid import Grid
 from twingap.gap.distance.paired import Paired
 from twingap.gap.external_simulator import ExternalSimulator
 from twingap.gap.knowledge.learnt import Learnt
@@ -45,8 +44,8 @@ class HeldOut:
     def __init__(self, evidence: Evidence, found: Explanation) -> None:
         self.evidence, self.found = evidence, found
         self.part = evidence.calibrated.held_out
-        self.grid = Grid.of(self.part.conditions, evidence.frame.bearing)
-        self.real = evidence.vectors(self.part, self.grid)
+        self.grid = evidence.grid(self.part.conditions)
+        self.real = evidence.held_out.vectors
         n = len(self.part)
         simulator = found.before.simulator
         self.most = replicates_of(simulator, self.part.conditions, int(np.clip(np.ceil(_SIMULATED / n), 3, 39)))
@@ -59,9 +58,7 @@ class HeldOut:
 
     def replicates(self, simulator: Simulator, effects: tuple[Effect, ...], count: int) -> list[FeatureVectors]:
         """Feature vectors of `count` replicates of the held-out part."""
-        numbers = range(2, 2 + count)
-        made = self.evidence.simulated
-        return [self.evidence.vectors(made(simulator, effects, self.part.conditions, k), self.grid) for k in numbers]
+        return self.evidence.held_out_replicates(simulator, effects, count)
 
     def training_sets(self, after: Compared | None = None) -> TrainingSets:
         """Further records for training a classifier: the user's simulated records under the conditions of the fit

@@ -360,7 +360,7 @@ class Paired:
 
     def over_strata(self, squares: Array) -> Array:
         """[draws, bins] Mean of `squares` [draws, strata, bins], large ones compressed (see `_LARGE`)."""
-        return _compressed(np.einsum("dsb,s->db", squares, self.stratum_weight))
+        return compressed(np.einsum("dsb,s->db", squares, self.stratum_weight))
 
     def over_domains(self, squares: Array) -> tuple[Array, dict[DomainName, Array]]:
         """Distances overall and per domain from `squares` [draws, strata, bins]; each [draws]."""
@@ -393,7 +393,7 @@ class Paired:
         return float(overall.mean()), {d: float(v.mean()) for d, v in domains.items()}
 
 
-def _compressed(squares: Array) -> Array:
+def compressed(squares: Array) -> Array:
     """Squares that grow with the logarithm beyond `_LARGE`, on either side of zero."""
     size = np.abs(squares)
     return np.where(size > _LARGE, np.sign(squares) * _LARGE * (1 + np.log(np.maximum(size, _LARGE) / _LARGE)), squares)

@@ -183,7 +183,7 @@ def explain(evidence: Evidence, learnt: Learnt, progress: Progress) -> Explanati
     named = found.strongest_first() if gap else []
     return Explanation(
         p_value, gap, tuple(found.values[name] for name in named),
-        probability | dict.fromkeys(found.already, 0.0), sets if gap else _with(sets, ()), rest_p,
+        probability | dict.fromkeys(found.already, 0.0), sets if gap else ((), *filter(None, sets)), rest_p,
         before, after, found.cannot, fitted,
     )  # fmt: skip
 
@@ -512,8 +512,3 @@ def _strongest(odds: Mapping[str, float]) -> list[str]:
 def _probability(log_odds: float) -> float:
     """Logistic function of log odds."""
     return 1 / (1 + math.exp(-max(min(log_odds, 30.0), -30.0)))
-
-
-def _with(sets: tuple[tuple[str, ...], ...], one: tuple[str, ...]) -> tuple[tuple[str, ...], ...]:
-    """The sets with `one` moved or added to the front."""
-    return (one, *(s for s in sets if s != one))

@@ -21,7 +21,6 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from twingap.gap.distance.grid import Grid
 from twingap.gap.features import comparison
 from twingap.gap.features.measured import Measured
 from twingap.gap.features.registry import NAMES
@@ -102,7 +101,7 @@ def _mean(rows: Array) -> Array:
 
 def _measured_simulations(evidence: Evidence, louder: float = 1.0) -> tuple[Measured, ...]:
     """Features of the simulated records of each part."""
-    simulator, bearing = evidence.against().simulator, evidence.frame.bearing
+    simulator = evidence.against().simulator
     return tuple(
         comparison.measure_records(
             (
@@ -110,7 +109,7 @@ def _measured_simulations(evidence: Evidence, louder: float = 1.0) -> tuple[Meas
                 for record in evidence.simulated(simulator, (), part.conditions, number)
             ),
             evidence.frame,
-            Grid.of(part.conditions, bearing),
+            evidence.grid(part.conditions),
         )
         for number, part in enumerate(evidence.parts)
     )

@@ -17,7 +17,6 @@ import numpy as np
 from twingap.effects import Effect
 from twingap.effects.observations import HealthySpectrum, ModePair, Observations, SpectrumRatio
 from twingap.gap.distance.feature_vectors import FeatureVectors
-from twingap.gap.distance.grid import Grid
 from twingap.gap.distance.paired import Paired
 from twingap.gap.features.comparison import feature_names
 from twingap.gap.features.spectrum.path import two_modes
@@ -32,7 +31,6 @@ from twingap.twins.twin_file import flat
 if TYPE_CHECKING:
     from twingap.gap.search.evidence import Evidence
     from twingap.twins.simulator import Simulator
-
 
 _FINALISTS: Final = 4
 """Initial values for which the mode is calibrated too. Each costs one calibration."""
@@ -118,7 +116,7 @@ def _averaged_misfit(
     the scatter, and the mean of a few records is uncertain.
     """
     conditions = evidence.fit.conditions
-    grid = Grid.of(conditions, evidence.frame.bearing)
+    grid = evidence.grid(conditions)
 
     def made(simulator: Simulator, effects: tuple[Effect, ...]) -> list[FeatureVectors]:
         count = replicates_of(simulator, conditions, _MANY)

@@ -27,7 +27,6 @@ from twingap.twins.simulator import Simulator
 if TYPE_CHECKING:
     from twingap.gap.search.evidence import Evidence
 
-
 _LEVEL: Final = 0.01
 """Family-wise level of the test for lines. A larger value finds more lines, false ones among them."""
 _LEVEL_OF_STATE: Final = 0.05

@@ -20,7 +20,6 @@ from twingap.twins.simulator import Simulator
 if TYPE_CHECKING:
     from twingap.gap.search.evidence import Evidence
 
-
 SPREADS_S: Final = (0.0, 0.001, 0.003, 0.009)
 """Spreads that are tried. More of them take a simulation of the trial records each."""
 _BESIDE: Final = (0.6, 1.6)

@@ -10,13 +10,11 @@ from typing import Final
 import numpy as np
 from scipy.stats import permutation_test
 
-from twingap.gap.distance.paired import Paired
+from twingap.gap.distance.paired import Paired, compressed
 from twingap.records import Array
 
 _DRAWS: Final = 9999
 """Largest number of sign flips of a test. A larger number resolves smaller p-values."""
-_LARGE: Final = 16.0
-"""Squared deviation, in variances, above which it grows logarithmically. A larger value lets a single bin decide."""
 
 
 def p_of_gain(before: Paired, after: Paired, root: int) -> float:
@@ -39,6 +37,4 @@ def p_of_gain(before: Paired, after: Paired, root: int) -> float:
 
 def squared_distances(pair: Paired) -> Array:
     """[records] Squared distance of each record from the mean of its simulations, over all domains."""
-    squares = (pair.difference / pair.scale) ** 2
-    tempered = np.where(squares > _LARGE, _LARGE * (1 + np.log(np.maximum(squares, _LARGE) / _LARGE)), squares)
-    return np.asarray(tempered @ pair.real.weight)
+    return np.asarray(compressed((pair.difference / pair.scale) ** 2) @ pair.real.weight)

@@ -23,7 +23,6 @@ from twingap.twins.simulator import Simulator
 if TYPE_CHECKING:
     from twingap.gap.search.evidence import Evidence
 
-
 _STRENGTHS: Final = 4
 """Strengths of each effect that are tried. More fit closer and take longer."""
 _WEAKEST: Final = 0.15

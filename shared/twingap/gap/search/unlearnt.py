@@ -17,9 +17,8 @@ from scipy.signal import find_peaks
 from scipy.stats import qmc
 
 from twingap.effects import Effect, catalogue
-from twingap.gap.distance.grid import Grid
 from twingap.gap.distance.paired import Paired
-from twingap.gap.search.evidence import Evidence, replicates_of
+from twingap.gap.search.evidence import Evidence
 from twingap.gap.search.initial_values import observations
 from twingap.gap.search.optimise import optimise
 from twingap.gap.search.sign_flips import p_of_gain
@@ -77,15 +76,10 @@ def p_value(evidence: Evidence, chain: Chain, without: Chain) -> float:
     Values are those of the fit part: an absent effect, at values fitted to other records, increases distances on
     average.
     """
-    part = evidence.calibrated.held_out
-    grid = Grid.of(part.conditions, evidence.frame.bearing)
-    real = evidence.vectors(part, grid)
 
     def pair(effects: Chain, scale: Array | None) -> Paired:
-        simulator = evidence.against(effects).simulator
-        count = replicates_of(simulator, part.conditions, _REPLICATES)
-        made = [evidence.simulated(simulator, effects, part.conditions, 2 + k) for k in range(count)]
-        return Paired(real, [evidence.vectors(records, grid) for records in made], scale)
+        made = evidence.held_out_replicates(evidence.against(effects).simulator, effects, _REPLICATES)
+        return Paired(evidence.held_out.vectors, made, scale)
 
     before = pair(without, None)
     return p_of_gain(before, pair(chain, before.scale), evidence.root)
