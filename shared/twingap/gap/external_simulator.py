@@ -95,6 +95,8 @@ class ExternalSimulator:
         When no simulated record has a fault of the real ones.
     """
 
+    makes_waveforms = True  # its records are finished
+
     def __init__(
         self,
         sim: RecordSet,
@@ -102,11 +104,10 @@ class ExternalSimulator:
         bearing: Bearing,
         reference_rms: float,
         *,
-        name: str | None = None,
         others: Sequence[Condition] = (),
     ) -> None:
         self.sim, self.bearing = sim, bearing
-        self.name = name or sim.name
+        self.name = sim.name
         self.has: tuple[str, ...] = ()
         self.conditions = real.conditions
         faults = {c.fault for c in sim.conditions if c.fault is not None}
@@ -179,11 +180,6 @@ class ExternalSimulator:
         own = copy.copy(self)
         own.gain = gain
         return own
-
-    @property
-    def makes_waveforms(self) -> bool:
-        """True: its records are finished."""
-        return True
 
     def can_add(self, name: str) -> str | None:
         """See `Simulator.can_add`."""
@@ -298,8 +294,7 @@ class ExternalSimulator:
         return first, {name: int(taken[pool].sum()) for name, pool in pools.items()}
 
     def _waveform(self, condition: Condition, streams: Streams, replicate: int) -> tuple[Array, float]:
-        """Samples of a simulated record under this condition and their speed, which is the record's own where it is
-        near."""
+        """Samples of a simulated record under this condition and their speed, the record's own where it is near."""
         ranked = self._ranked(condition)
         first = self._first.get(condition.name)
         turn = ranked.index(first) if first in ranked else 0

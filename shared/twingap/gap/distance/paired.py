@@ -19,15 +19,12 @@ from functools import cached_property
 from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from twingap.errors import TwingapError
 from twingap.gap.distance.domain_names import DomainName
 from twingap.gap.distance.feature_vectors import FeatureVectors
-from twingap.gap.distance.stratification import detrended, independent_units, slopes, strata
+from twingap.gap.distance.stratification import Places, detrended, independent_units, slopes, strata
 from twingap.records import Array
-
-Places = NDArray[np.int64]
 
 _LARGEST_POOL: Final = 512
 """Largest number of residuals that a bootstrap draws from. More are slower and hardly change intervals."""

@@ -289,8 +289,8 @@ class _Search:
 
     def helpful(self) -> list[str]:
         """The improbable effect that reduces the distance most, where the rest is significant."""
-        rest = self._rest_p() if self.values else 0.0  # without any effect, all of the gap is rest
-        if rest > ALPHA_REST or len(self.values) >= MOST_EFFECTS:
+        # Without any effect, all of the gap is rest.
+        if self.rest_p(0.0) > ALPHA_REST or len(self.values) >= MOST_EFFECTS:
             return []
         odds, gap = self.odds(self.now), self._gap()
         best = (1.0, "")
@@ -384,7 +384,8 @@ class _Search:
         if found is not None:
             self._store_values([found.effect])
             if found.read:  # other values: the prior moves there
-                anew = {k: one._replace(number=self._number(found.effect, k)) for k, one in priors.items()}
+                numbers = {key: to_number(found.effect, key[1], self.evidence.setting) for key in priors}
+                anew = {key: one._replace(number=numbers[key]) for key, one in priors.items()}
                 self.values[name] = replace(self.values[name], priors=anew)
             self.now = self.evidence.against(self.added())
 
@@ -398,20 +399,13 @@ class _Search:
                 self.missed[name] = self.odds(without, left_out=True)[name]
                 # A missing effect cannot increase the distance when added: one that does needs higher log odds.
                 worse = name not in self.cannot and gap > WORSE * self.evidence.gap(without.simulator, others)
-                slack[name] = self.missed[name] - self._least(name) - DOUBT * worse
+                least = UNLIKELY if name in self.helped else self.learnt.thresholds.get(name, THRESHOLD) - KEEPS
+                slack[name] = self.missed[name] - least - DOUBT * worse
             weakest = min(slack, key=lambda name: slack[name])
             if slack[weakest] > 0:
                 return
             del self.values[weakest]
             self.now = self.evidence.against(self.added())
-
-    def _number(self, effect: Effect, key: Key) -> float:
-        """Value of a parameter as a comparable number."""
-        return to_number(effect, key[1], self.evidence.setting)
-
-    def _least(self, name: str) -> float:
-        """Log odds at or below which an effect is dropped."""
-        return UNLIKELY if name in self.helped else self.learnt.thresholds.get(name, THRESHOLD) - KEEPS
 
     def certainty(self) -> dict[str, float]:
         """Log odds of every effect: of a named one with that effect left out, of any other against the current twin."""
@@ -419,11 +413,9 @@ class _Search:
         return {name: self.missed.get(name, now[name]) if name in self.values else now[name] for name in now}
 
     def rest_p(self, p_value: float) -> float:
-        """P-value of no rest; `p_value`, that of no gap, where no effect was added."""
-        return self._rest_p() if self.values else p_value
-
-    def _rest_p(self) -> float:
-        """P-value of no rest for the current twin."""
+        """P-value of no rest for the current twin; `p_value`, that of no gap, where no effect was added."""
+        if not self.values:
+            return p_value
         return self.learnt.rest_p(self.now.held_out, {*self.already, *(effect.name for effect in self.added())})
 
     def keep(self, names: Sequence[str]) -> None:

@@ -246,11 +246,6 @@ class Evidence:
         dear = CONTACT_COSTS if self.spec.model == "contact" else 1
         return int(np.clip(SAMPLES_TRIED / (samples * dear), *TRIALS))
 
-    @property
-    def n_trial_records(self) -> int:
-        """Number of records of a trial simulation."""
-        return len(self.trial_records)
-
     @cached_property
     def _trial_grid(self) -> Grid:
         """Grid of the trial records."""

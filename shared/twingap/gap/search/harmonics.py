@@ -11,18 +11,16 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 import numpy as np
 
 from twingap.effects import Draft, Effect, MeanSlip
 from twingap.effects.harmonic_series import HarmonicSeries
+from twingap.gap.search.evidence import Evidence
 from twingap.records import Array, Condition, Record
 from twingap.signal.record_transforms import tone_spectrum
 from twingap.twins.simulator import Simulator
-
-if TYPE_CHECKING:
-    from twingap.gap.search.evidence import Evidence
 
 Chain = tuple[Effect, ...]
 

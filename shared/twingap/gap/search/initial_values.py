@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Mapping
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Final, NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -20,17 +20,14 @@ from twingap.gap.distance.feature_vectors import FeatureVectors
 from twingap.gap.distance.paired import Paired
 from twingap.gap.features.comparison import feature_names
 from twingap.gap.features.spectrum.path import two_modes
-from twingap.gap.search.evidence import replicates_of
+from twingap.gap.search.evidence import Evidence, replicates_of
 from twingap.gap.search.parameter_prior import Key, Prior, penalty, penalty_weight
 from twingap.gap.search.parameter_scale import to_number
 from twingap.identification.baseline import mode_density, state_spectra
 from twingap.identification.calibrate import thinned
 from twingap.records import Array
+from twingap.twins.simulator import Simulator
 from twingap.twins.twin_file import flat
-
-if TYPE_CHECKING:
-    from twingap.gap.search.evidence import Evidence
-    from twingap.twins.simulator import Simulator
 
 _FINALISTS: Final = 4
 """Initial values for which the mode is calibrated too. Each costs one calibration."""
@@ -89,7 +86,7 @@ def better_initial(
         misfit = misfit_of(evidence.against(chain).simulator, chain)
         if not start.read or given.by_chance:
             numbers = {key: to_number(start.effect, key[1], evidence.setting) for key in priors}
-            misfit = math.sqrt(misfit**2 + penalty_weight(evidence.n_trial_records) * penalty(priors, numbers))
+            misfit = math.sqrt(misfit**2 + penalty_weight(len(evidence.trial_records)) * penalty(priors, numbers))
         if misfit < least:
             least, best = misfit, start
     return best

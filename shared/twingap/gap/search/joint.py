@@ -10,18 +10,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 import numpy as np
 from cmaes import SepCMA
 
 from twingap.effects import Effect
+from twingap.gap.search.evidence import Evidence
 from twingap.gap.search.optimise import ValueSearch
 from twingap.gap.search.parameter_prior import Key
 from twingap.twins.simulator import Simulator, TwinSimulator
-
-if TYPE_CHECKING:
-    from twingap.gap.search.evidence import Evidence
 
 _SIGMA: Final = 1.0
 """First standard deviation of candidates, in steps. A larger value reaches farther and settles later."""

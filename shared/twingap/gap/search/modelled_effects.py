@@ -10,20 +10,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from twingap.effects import Effect
+from twingap.gap.knowledge.learnt import Learnt
 from twingap.gap.search.effect_search import with_fitted_values
 from twingap.gap.search.evidence import THOROUGH, Evidence, simulator_of
 from twingap.gap.search.parameter_scale import coordinates
 from twingap.identification.calibrate import Prepared, calibrate_prepared
 from twingap.streams import root_entropy
 from twingap.twins.twin_file import TwinSpec
-
-if TYPE_CHECKING:
-    from twingap.effects import Effect
-    from twingap.gap.knowledge.learnt import Learnt
 
 
 def without_values(spec: TwinSpec) -> tuple[str, ...]:

@@ -14,7 +14,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, Final, cast
+from typing import Any, Final, cast
 
 import numpy as np
 
@@ -23,15 +23,12 @@ from twingap.effects.base import WEAKER
 from twingap.effects.by_state import ByState
 from twingap.errors import TwingapError
 from twingap.gap.distance.paired import Paired
-from twingap.gap.search.evidence import level_of
+from twingap.gap.search.evidence import Evidence, level_of
 from twingap.gap.search.parameter_prior import Key, Prior, penalty, penalty_weight
 from twingap.gap.search.parameter_scale import Setting, coordinates, to_effect, to_number
 from twingap.records import Array
 from twingap.twins.simulator import Simulator, TwinSimulator
 from twingap.twins.twin_file import all_parameters, flat
-
-if TYPE_CHECKING:
-    from twingap.gap.search.evidence import Evidence
 
 PASSES: Final = 3
 """Largest number of rounds, each with steps of single values and of all values together. More rounds take longer."""
@@ -216,7 +213,7 @@ class ValueSearch:
     @cached_property
     def penalty_weight(self) -> float:
         """Weight of the penalties, see `parameter_prior.penalty_weight`."""
-        return self.prior_weight * penalty_weight(self.evidence.n_trial_records)
+        return self.prior_weight * penalty_weight(len(self.evidence.trial_records))
 
     def gather_effects(self, effects: Sequence[Effect], errors: Mapping[Key, float]) -> None:
         """Add the parameters of effects as numbers, with first steps and plausible ranges."""

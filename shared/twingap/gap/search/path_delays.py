@@ -9,16 +9,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 from twingap.effects import Effect, TransferPath
 from twingap.effects.by_state import ByState, by_state
 from twingap.effects.transfer_path import delay_spread_s
+from twingap.gap.search.evidence import Evidence
 from twingap.gap.search.free_spectra import PATH, Chain
 from twingap.twins.simulator import Simulator
-
-if TYPE_CHECKING:
-    from twingap.gap.search.evidence import Evidence
 
 SPREADS_S: Final = (0.0, 0.001, 0.003, 0.009)
 """Spreads that are tried. More of them take a simulation of the trial records each."""

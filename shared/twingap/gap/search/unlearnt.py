@@ -113,8 +113,7 @@ def _places(evidence: Evidence, name: str, features: Array) -> Iterator[Effect]:
 
 
 def _at_peaks(effects: Sequence[Effect], peaks_hz: Sequence[float]) -> Iterator[Effect]:
-    """The effects with each frequency moved to peaks of the spectrum's excess, where a minimum is as narrow as a
-    line."""
+    """The effects with each frequency moved to peaks of the excess, where a minimum is as narrow as a line."""
     for effect in effects:
         for field in effect.parameters():
             low, high = field.metadata["plausible"]

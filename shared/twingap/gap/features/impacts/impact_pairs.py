@@ -21,8 +21,6 @@ from twingap.gap.features.impacts.impacts import PHASES, Impacts
 from twingap.records import Array
 from twingap.signal.record_transforms import RecordTransforms, mean_of_five, medians, taper
 
-Complex = NDArray[np.complex128]
-
 FINEST_SAMPLES: Final = 2.0
 """Shortest delay that is searched, samples; below it, two impacts cannot be distinguished from one."""
 UPSAMPLE: Final = 4

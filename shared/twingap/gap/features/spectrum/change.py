@@ -179,8 +179,8 @@ class _Pairs:
         return float(np.clip(self.f[noise][np.argmax(self.base[noise])], 0.01, 0.49))
 
     def settled(self, *, tilted: bool) -> tuple[float, Array]:
-        """Misfit once levels and small errors of calibration (with `tilted`, sampling too) are fitted, and [basis]
-        their values."""
+        """Misfit with levels and small errors of calibration (with `tilted`, sampling too) fitted, and [basis] the
+        values."""
         settled = self.open if tilted else np.where(_OF_SAMPLING, _CERTAIN, self.open)
         costs, best = _costs(np.zeros((1, BANDS)), self.ratio * self.weight, self.weight, self.basis, settled)
         return float(costs[0]), best[0]

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twingap._compiled import njit
-from twingap.gap.features.spectrum.record_summary import SmoothSpectrum, log_bands
+from twingap.gap.features.spectrum.record_summary import RecordSummary, log_bands
 from twingap.gap.features.spectrum.smooth_shape import bump, mode_shape, slope_of
 from twingap.records import Array
 from twingap.signal.record_transforms import medians
@@ -40,7 +40,7 @@ NAMES: Final = (*(f"{of}_{what}" for of in _SETS for what in _OF_SET), "added_le
 """Keys of `compare`."""
 
 
-def compare(real: Sequence[SmoothSpectrum], simulated: Sequence[SmoothSpectrum]) -> dict[str, float]:
+def compare(real: Sequence[RecordSummary], simulated: Sequence[RecordSummary]) -> dict[str, float]:
     """`NAMES` -> value: shape of the difference of mean log smooth spectra, real less simulated.
 
     Once for healthy, for faulty and for all records: rms, mean and the means of thirds of the curve in log10 of power;
@@ -59,7 +59,7 @@ def compare(real: Sequence[SmoothSpectrum], simulated: Sequence[SmoothSpectrum])
     return out
 
 
-def _mean_log(records: Sequence[SmoothSpectrum], of: str) -> Array | None:
+def _mean_log(records: Sequence[RecordSummary], of: str) -> Array | None:
     """[_POINTS] Mean over records of ln of density times fs / scale^2."""
     own = [record for record in records if of == "all" or (record.condition.fault == "healthy") == (of == "healthy")]
     if not own:

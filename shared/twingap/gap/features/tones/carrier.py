@@ -14,13 +14,10 @@ from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-from twingap.gap.features.tones.whitened_spectra import MOST_Z, Mean, Whitened, combined_z
+from twingap.gap.features.tones.whitened_spectra import MOST_Z, Mean, Single, Whitened, combined_z
 from twingap.records import Array
 from twingap.signal.record_transforms import medians
-
-Single = NDArray[np.float32]
 
 _EACH: Final = ("", "_fs", "_sides", "_balance", "_side_order", "_steady", "_sharp", "_turning")
 _BOTH: Final = ("fixed", "carrier")
@@ -134,8 +131,8 @@ def _beside(records: Sequence[Whitened], deviates: Sequence[Single], places: Arr
 
 
 def _nature(records: Sequence[Whitened], places: Array) -> tuple[Array, Array, Array]:
-    """[carriers] Spread of the logarithm of the level over records, how far above the bins beside it, and the part of
-    the records in which an integer order lies there."""
+    """[carriers] Spread of the log level over records, its excess over bins beside it, part of records with an order
+    there."""
     level, above, turning = [], [], []
     for record in records:
         bins = np.rint(places / record.df_hz).astype(int)
