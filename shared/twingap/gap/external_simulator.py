@@ -70,8 +70,6 @@ class ExternalSimulator:
 
     Parameters
     ----------
-    sim : RecordSet
-        The simulated records.
     real : RecordSet
         Real records of the calibration: their level sets the gain.
     reference_rms : float
@@ -79,15 +77,6 @@ class ExternalSimulator:
         record is healthy.
     others : sequence of Condition
         Conditions of further real records, not used in the calibration. Simulated records are shared among all.
-
-    Attributes
-    ----------
-    gain : float
-        Factor on all simulated samples; 1 where units are equal and levels agree within 10 %.
-    level_free : bool
-        Whether the gain was estimated; if so, it is estimated anew once effects are added.
-    notes : tuple[str, ...]
-        Notes for the report on what was matched.
 
     Raises
     ------
@@ -125,6 +114,8 @@ class ExternalSimulator:
         notes: list[str] = []
         self.missing = frozenset(wanted - faults)
         self._first, self._alike = self._shared_out([*real.conditions, *others])
+        # Factor on all simulated samples: 1 where units are equal and levels agree within 10 %, else estimated, and
+        # estimated anew once effects are added.
         self.gain = self._calibrated(real, notes)
         self.level_free = self.gain != 1.0
         self._healthy_rms = self._of_healthy() or reference_rms / self.gain
@@ -149,7 +140,7 @@ class ExternalSimulator:
                 f"simulated records are shorter than {len(short)} of the real ones and are repeated to their length: "
                 "repetition is a line at its rate and at multiples of it"
             )
-        self.notes = tuple(notes)
+        self.notes = tuple(notes)  # for the report, on what was matched
 
     def simulate(
         self, effects: tuple[Effect, ...], conditions: Sequence[Condition], streams_root: int, replicate: int
