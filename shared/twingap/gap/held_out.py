@@ -6,7 +6,7 @@ twin, before and after --simulate, replicates--> feature vectors --paired distan
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from functools import cached_property
 from typing import Final
 
@@ -24,7 +24,6 @@ from twingap.gap.knowledge.learnt import Learnt
 from twingap.gap.report.model import Candidate, ParameterValue
 from twingap.gap.search.effect_search import Estimated, Explanation, estimate
 from twingap.gap.search.evidence import Compared, Evidence, replicates_of
-from twingap.records import Condition
 from twingap.twins.simulator import Simulator
 
 _SIMULATED: Final = 220
@@ -68,12 +67,10 @@ class HeldOut:
             return None, None
         fit = self.evidence.calibrated.fit.conditions
         after = after or (found.after if found.gap else found.before)
-        return self._training_set(found.before, fit), self._training_set(after, fit)
-
-    def _training_set(self, compared: Compared, conditions: Sequence[Condition]) -> tuple[FeatureVectors, list[str]]:
-        """Feature vectors of simulated records under these conditions, and their faults."""
-        made = self.evidence.simulated(compared.simulator, compared.effects, conditions, 2)
-        return self.evidence.vectors(made, self.grid), [str(c.fault) for c in conditions]
+        faults = [str(c.fault) for c in fit]
+        made = (self.evidence.simulated(one.simulator, one.effects, fit, 2) for one in (found.before, after))
+        first, second = ((self.evidence.vectors(records, self.grid), faults) for records in made)
+        return first, second
 
     def candidates(
         self, learnt: Learnt, floor: float, rng: np.random.Generator, progress: Callable[[float], None]
