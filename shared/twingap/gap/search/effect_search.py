@@ -88,13 +88,13 @@ class Estimated:
 class Explanation:
     """Result of a search."""
 
-    p_value: float  # P-value of no gap
+    p_value: float  # of no gap
     gap: bool  # whether there is a gap at the level of the test
     effects: tuple[Estimated, ...]  # effects named as missing, the most certain first
     probability: Mapping[str, float]  # probability that each effect of the catalogue is missing
     # Sets of effects that the data do not distinguish, the most probable first.
     confidence_set: tuple[tuple[str, ...], ...]
-    rest_p: float  # P-value of no rest once the effects are added
+    rest_p: float  # of no rest once the effects are added
     before: Compared  # the twin as given, and the twin with those named effects that its simulator can add
     after: Compared
     cannot: Mapping[str, str]  # effects that the simulator cannot add, and the reason
@@ -112,8 +112,8 @@ class Searched:
     """A finished search, before probabilities are calibrated."""
 
     search: _Search
-    p_value: float  # P-value of no gap
-    rest_p: float  # P-value of no rest
+    p_value: float  # of no gap
+    rest_p: float  # of no rest
     outcomes: Mapping[str, Outcome]  # outcome of every effect that the given twin does not have
 
 

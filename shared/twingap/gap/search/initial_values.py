@@ -15,7 +15,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from twingap.effects import Effect
-from twingap.effects.observations import HealthySpectrum, ModePair, Observations, SpectrumRatio
+from twingap.effects.observations import HealthySpectrum, Observations, SpectrumRatio
 from twingap.gap.distance.feature_vectors import FeatureVectors
 from twingap.gap.distance.paired import Paired
 from twingap.gap.features.comparison import feature_names
@@ -128,18 +128,11 @@ def observations(evidence: Evidence, features: Array) -> Observations:
     setting, own_mode = evidence.setting, _own_mode(evidence)
     faults = frozenset(str(c.fault) for c in evidence.fit.conditions) - {"healthy"}
     rate_hz = min(c.fs_hz for c in evidence.fit.conditions)
-
-    def mode_pairs() -> list[ModePair]:
-        return [
-            ModePair((pair.places[0] * rate_hz, pair.places[1] * rate_hz), pair.dampings, pair.gain)
-            for pair in two_modes(evidence.fit.summaries)
-        ]
-
     return Observations(
         features=dict(zip(feature_names(), (float(value) for value in features), strict=True)),
         bearing=evidence.frame.bearing, faults=faults, fs_hz=setting.fs_hz, begin_s=setting.begin_s,
         span_s=setting.span_s, speed_rpm=setting.speed_rpm, own_mode=own_mode,
-        healthy=lambda: _healthy_spectrum(evidence), mode_pairs=mode_pairs,
+        healthy=lambda: _healthy_spectrum(evidence), mode_pairs=lambda: two_modes(evidence.fit.summaries, rate_hz),
         spectrum_ratio=lambda: _spectrum_ratio(evidence),
     )  # fmt: skip
 
