@@ -68,15 +68,10 @@ _MOST_MEASURED: Final = 40
 class ExternalSimulator:
     """The user's own simulated records, adapted to the real conditions.
 
-    Parameters
-    ----------
-    real : RecordSet
-        Real records of the calibration: their level sets the gain.
-    reference_rms : float
-        RMS of the real machine's healthy vibration (`Frame.scale`): the amplitude scale of effects where no simulated
-        record is healthy.
-    others : sequence of Condition
-        Conditions of further real records, not used in the calibration. Simulated records are shared among all.
+    Real records are those of the calibration: their level sets the gain. `reference_rms` is the RMS of the real
+    machine's healthy vibration (`Frame.scale`): the amplitude scale of effects where no simulated record is healthy.
+    `others` are conditions of further real records, not used in the calibration: simulated records are shared among
+    all.
 
     Raises
     ------

@@ -56,14 +56,9 @@ class Drawn(NamedTuple):
 class Paired:
     """Records paired with their simulated replicates.
 
-    Parameters
-    ----------
-    real : FeatureVectors
-    sims : sequence of FeatureVectors [m replicates]
-        Each holds one record per real record, in the same order and of the same condition, from its own random numbers.
-    scale : Array [bins], optional
-        Spread for the standardisation, from another `Paired` of the same records, so that distances before and after
-        are comparable; None for its own.
+    Each of the replicates `sims` holds one record per real record, in the same order and of the same condition, from
+    its own random numbers. `scale` [bins] is the spread for the standardisation, from another `Paired` of the same
+    records, so that distances before and after are comparable; None for its own.
 
     Raises
     ------

@@ -121,17 +121,10 @@ def simulator_of(calibrated: Calibrated, sim: RecordSet | None = None) -> Simula
 class Evidence:
     """Features of the records, and comparisons with every twin evaluated so far.
 
-    Parameters
-    ----------
-    simulator : Simulator
-        The calibrated twin, or the user's own simulator.
-    spec : TwinSpec
-        The twin as given: its fixed parameters stay fixed, its effects are not candidates.
-    root : int
-        Entropy of all simulations: every combination of effects is simulated with the same random impacts and noise, so
-        that differences between combinations are not random.
-    dampings : sequence of float
-        Initial damping ratios of the search for the mode of a twin with effects, see `baseline.match_baseline`.
+    `simulator` is the calibrated twin, or the user's own. `spec` is the twin as given: its fixed parameters stay fixed,
+    its effects are not candidates. `root` is the entropy of all simulations: every combination of effects is simulated
+    with the same random impacts and noise, so that differences between combinations are not random. `dampings` are
+    initial damping ratios of the search for the mode of a twin with effects, see `baseline.match_baseline`.
     """
 
     def __init__(

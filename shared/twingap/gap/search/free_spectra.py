@@ -82,22 +82,12 @@ def measured(
     by: By = "all",
     all_samples: bool = False,
 ) -> tuple[Simulator, Chain] | None:
-    """The twin with transfer path, background or lines as measured on the fit part; None where none can be measured.
+    """The twin with transfer path, background or lines (`names`) as measured on the fit part; None where none can be.
 
-    Parameters
-    ----------
-    effects : sequence of Effect
-        Effects of the twin; those that are measured are measured anew, path and background from where they are.
-    names : collection of str
-        Which of transfer path, background and lines to add.
-    rounds : int
-        Simulations by which path and background are corrected.
-    by : {"all", "fault", "unit"}
-        Whose records have their own, as different bearings in different mountings have. Lines are not measured by unit:
-        those of few recordings are not in others.
-    all_samples : bool
-        Whether all samples of finished waveforms pass the path, one for all records (`TransferPath.all_samples`); so it
-        is where the path of `effects` is such a one.
+    Those among `effects` are measured anew, path and background from where they are, in `rounds` simulations that
+    correct them. `by` is whose records have their own, as different bearings in different mountings have; lines are not
+    measured by unit: those of few recordings are not in others. With `all_samples`, all samples of finished waveforms
+    pass the path, one for all records (`TransferPath.all_samples`); so it is where the path of `effects` is such a one.
     """
     spectra = evidence.spectra(by)
     names = {name for name in names if evidence.can_add(name) is None and not (by == "unit" and name == LINES)}

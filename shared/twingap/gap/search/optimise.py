@@ -87,20 +87,11 @@ def optimise(
 ) -> Optimised:
     """Optimise values on the fit part; the result is kept if it also holds with other random streams.
 
-    Parameters
-    ----------
-    errors : Mapping[(effect, parameter), float]
-        Errors of estimates, on the scale of `parameter_scale`; they set the first steps.
-    moved : sequence of str, optional
-        Effects whose values are optimised; None for all.
-    baseline : bool
-        Whether the twin's own levels, mode and impacts are optimised too, except those fixed by the twin file.
-    passes : int
-        Largest number of rounds.
-    priors : Mapping[(effect, parameter), Prior], optional
-        Priors of values; values without a prior are free. Calibrated baseline parameters always have one.
-    prior_weight : float
-        Factor on all penalties; larger where effects may be missing for which values must not compensate.
+    `errors` of estimates, on the scale of `parameter_scale`, set the first steps. In at most `passes` rounds, values of
+    the effects in `moved` (None: of all) are optimised and, with `baseline`, the twin's own levels, mode and impacts,
+    except those fixed by the twin file. Values without one of the `priors` are free; calibrated baseline parameters
+    always have one. `prior_weight`, a factor on all penalties, is larger where effects may be missing for which values
+    must not compensate.
     """
     search = ValueSearch(evidence, simulator, tuple(effects), evidence.trials, dict(priors), prior_weight)
     search.gather_effects([e for e in effects if moved is None or e.name in moved], errors)
