@@ -111,6 +111,14 @@ class Bearing:
         except KeyError:
             raise TwingapError(f"no fault order for fault {fault!r}", mend=f"use one of {', '.join(orders)}") from None
 
+    def side_line_order(self, fault: str, cage_speed_ratio: float = 1.0) -> float | None:
+        """Distance, in shaft orders, of the side lines of a defect's impacts: its turns through the load zone.
+
+        1 for the inner race, the order of the cage for a rolling element; None where the defect does not turn through
+        the zone (outer race) or carries no load (cage). `cage_speed_ratio` as in `slipped`.
+        """
+        return {"inner": 1.0, "ball": self.ftf * cage_speed_ratio}.get(fault)
+
     def slipped(self, cage_speed_ratio: float) -> dict[str, float]:
         """Fault orders when the cage runs at `cage_speed_ratio` times its kinematic speed.
 

@@ -39,6 +39,16 @@ def test_races_share_the_rollers_when_the_cage_slips(bearing: Bearing, ratio: fl
     assert orders["outer"] == pytest.approx(ratio * bearing.bpfo)
 
 
+@given(bearings(), SLIP)
+def test_side_lines_are_apart_by_the_turns_of_a_defect_through_the_load_zone(bearing: Bearing, ratio: float) -> None:
+    orders = bearing.slipped(ratio)
+    assert bearing.side_line_order("inner", ratio) == 1.0
+    assert bearing.side_line_order("ball", ratio) == orders["cage"]
+    assert bearing.side_line_order("ball") == bearing.ftf
+    assert bearing.side_line_order("outer") is None
+    assert bearing.side_line_order("cage") is None
+
+
 @given(bearings())
 def test_no_slip_is_the_kinematic_bearing(bearing: Bearing) -> None:
     for fault, order in bearing.slipped(1.0).items():

@@ -77,9 +77,8 @@ def _interval(ci: tuple[float, float]) -> str:
 
 def _print(report: GapReport) -> None:
     """Print the verdict, the most probable candidates and the metrics."""
-    from twingap.gap.report.advice import next_steps, place_words
+    from twingap.gap.report.advice import next_steps, only_together, place_words
     from twingap.gap.report.formats import closure
-    from twingap.gap.report.together import only_together
 
     say(report.sentence)
     if report.closest_sentence:

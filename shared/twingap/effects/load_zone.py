@@ -60,8 +60,7 @@ class LoadZone(FaultEffect):
         draft.modulate(self._weight(draft, draft.turns, rng))
 
     def _weight(self, draft: Draft, turns: Array, rng: np.random.Generator) -> Array | float:
-        rates = {"inner": 1.0, "ball": draft.bearing.ftf * draft.cage_speed_ratio}
-        rate = rates.get(str(draft.condition.fault))
+        rate = draft.bearing.side_line_order(str(draft.condition.fault), draft.cage_speed_ratio)
         return 1.0 if rate is None else self._load(rate * turns + rng.random())
 
     def _load(self, turns: Array) -> Array:

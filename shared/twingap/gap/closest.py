@@ -23,15 +23,7 @@ from twingap.gap.distance.paired import Paired
 from twingap.gap.held_out import HeldOut, values_of_effect
 from twingap.gap.knowledge.learnt import Learnt
 from twingap.gap.line_names import named_lines
-from twingap.gap.report.model import (
-    Ceiling,
-    ClosestEffect,
-    ClosestTwin,
-    EffectShare,
-    GroupShare,
-    Metric,
-    ParameterValue,
-)
+from twingap.gap.report.model import Ceiling, ClosestEffect, ClosestTwin, Metric, ParameterValue
 from twingap.gap.search.attribution import attribution
 from twingap.gap.search.closest_twin import closest_twin
 from twingap.gap.search.evidence import Compared
@@ -55,16 +47,9 @@ def closest_of(
 ) -> tuple[ClosestTwin, Compared]:  # fmt: skip
     """The closest twin with its closure and attribution.
 
-    Parameters
-    ----------
-    before : sequence of FeatureVectors
-        Replicates of the twin as given.
-    of_named : Closure
-        Of the verdict's effects; also that of the closest twin where nothing else brings the twin closer.
-    measures : sequence of Metric
-        Of the verdict; the twin as given and the floor are the same for both.
-    scale : Array [bins]
-        Of the verdict's comparisons.
+    `before` are replicates of the twin as given, `scale` [bins] is that of the verdict's comparisons. `of_named` is the
+    closure of the verdict's effects, which is also that of the closest twin where nothing else brings it closer; of the
+    verdict's `measures`, the twin as given and the floor are the same for both.
     """
     evidence, found = held_out.evidence, held_out.found
     begin = found.after if found.gap else found.before
@@ -96,11 +81,11 @@ def closest_of(
     total = sum(share.share for share in shares)
     factor = closed.closure / total if abs(total) > 0.05 and closed.closure / total > 0 else 1.0
     groups = tuple(
-        GroupShare(
-            share.group, tuple(EffectShare(name, factor * part) for name, part in share.effects), factor * share.share,
-            (factor * share.share_ci[0], factor * share.share_ci[1]), share.p_value, share.shown,
+        replace(
+            one, effects=tuple(replace(part, share=factor * part.share) for part in one.effects),
+            share=factor * one.share, share_ci=(factor * one.share_ci[0], factor * one.share_ci[1]),
         )
-        for share in shares
+        for one in shares
     )  # fmt: skip
     own = closure_metrics(held_out.real, first, after, rng, more=held_out.training_sets(now), scale=scale)
     # The twin as given and the floor are those of the verdict's measures, which were drawn with other random numbers.

@@ -21,18 +21,11 @@ MOST: Final = 5
 
 @dataclass(frozen=True)
 class Closing:
-    """The way from a twin to one that nothing more can be added to.
+    """The way from a twin to one that nothing more can be added to."""
 
-    Parameters
-    ----------
-    diagnoses : tuple of Diagnosis
-        One a step. Each is of the twin that the step before left; effects of the last one were not added.
-    twin : TwinSpec
-        The closest twin of the last diagnosis: all effects added, and whatever else brings it closer.
-    """
-
+    # One a step. Each is of the twin that the step before left; effects of the last one were not added.
     diagnoses: tuple[Diagnosis, ...]
-    twin: TwinSpec
+    twin: TwinSpec  # the closest twin of the last diagnosis: all effects added, and whatever else brings it closer
 
     @property
     def added(self) -> tuple[tuple[str, ...], ...]:

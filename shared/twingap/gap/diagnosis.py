@@ -37,9 +37,6 @@ class Diagnosis:
 
     Parameters
     ----------
-    report : GapReport
-    explanation : Explanation
-    calibrated : Calibrated
     root : int
         Entropy that all simulated records derive from.
     closest : Compared or None

@@ -68,34 +68,18 @@ _MOST_MEASURED: Final = 40
 class ExternalSimulator:
     """The user's own simulated records, adapted to the real conditions.
 
-    Parameters
-    ----------
-    sim : RecordSet
-        The simulated records.
-    real : RecordSet
-        Real records of the calibration: their level sets the gain.
-    reference_rms : float
-        RMS of the real machine's healthy vibration (`Frame.scale`): the amplitude scale of effects where no simulated
-        record is healthy.
-    name : str, optional
-        Name of the simulator; that of the record set by default.
-    others : sequence of Condition
-        Conditions of further real records, not used in the calibration. Simulated records are shared among all.
-
-    Attributes
-    ----------
-    gain : float
-        Factor on all simulated samples; 1 where units are equal and levels agree within 10 %.
-    level_free : bool
-        Whether the gain was estimated; if so, it is estimated anew once effects are added.
-    notes : tuple[str, ...]
-        Notes for the report on what was matched.
+    Real records are those of the calibration: their level sets the gain. `reference_rms` is the RMS of the real
+    machine's healthy vibration (`Frame.scale`): the amplitude scale of effects where no simulated record is healthy.
+    `others` are conditions of further real records, not used in the calibration: simulated records are shared among
+    all.
 
     Raises
     ------
     TwingapError
         When no simulated record has a fault of the real ones.
     """
+
+    makes_waveforms = True  # its records are finished
 
     def __init__(
         self,
@@ -104,11 +88,10 @@ class ExternalSimulator:
         bearing: Bearing,
         reference_rms: float,
         *,
-        name: str | None = None,
         others: Sequence[Condition] = (),
     ) -> None:
         self.sim, self.bearing = sim, bearing
-        self.name = name or sim.name
+        self.name = sim.name
         self.has: tuple[str, ...] = ()
         self.conditions = real.conditions
         faults = {c.fault for c in sim.conditions if c.fault is not None}
@@ -126,6 +109,8 @@ class ExternalSimulator:
         notes: list[str] = []
         self.missing = frozenset(wanted - faults)
         self._first, self._alike = self._shared_out([*real.conditions, *others])
+        # Factor on all simulated samples: 1 where units are equal and levels agree within 10 %, else estimated, and
+        # estimated anew once effects are added.
         self.gain = self._calibrated(real, notes)
         self.level_free = self.gain != 1.0
         self._healthy_rms = self._of_healthy() or reference_rms / self.gain
@@ -150,7 +135,7 @@ class ExternalSimulator:
                 f"simulated records are shorter than {len(short)} of the real ones and are repeated to their length: "
                 "repetition is a line at its rate and at multiples of it"
             )
-        self.notes = tuple(notes)
+        self.notes = tuple(notes)  # for the report, on what was matched
 
     def simulate(
         self, effects: tuple[Effect, ...], conditions: Sequence[Condition], streams_root: int, replicate: int
@@ -181,11 +166,6 @@ class ExternalSimulator:
         own = copy.copy(self)
         own.gain = gain
         return own
-
-    @property
-    def makes_waveforms(self) -> bool:
-        """True: its records are finished."""
-        return True
 
     def can_add(self, name: str) -> str | None:
         """See `Simulator.can_add`."""
@@ -300,8 +280,7 @@ class ExternalSimulator:
         return first, {name: int(taken[pool].sum()) for name, pool in pools.items()}
 
     def _waveform(self, condition: Condition, streams: Streams, replicate: int) -> tuple[Array, float]:
-        """Samples of a simulated record under this condition and their speed, which is the record's own where it is
-        near."""
+        """Samples of a simulated record under this condition and their speed, the record's own where it is near."""
         ranked = self._ranked(condition)
         first = self._first.get(condition.name)
         turn = ranked.index(first) if first in ranked else 0

@@ -6,7 +6,7 @@ twin, before and after --simulate, replicates--> feature vectors --paired distan
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from functools import cached_property
 from typing import Final
 
@@ -18,14 +18,12 @@ from twingap.errors import TwingapError
 from twingap.gap.distance.closure import closure_interval, paired
 from twingap.gap.distance.closure_metrics import TrainingSets
 from twingap.gap.distance.feature_vectors import FeatureVectors
-from twingap.gap.distance.grid import Grid
 from twingap.gap.distance.paired import Paired
 from twingap.gap.external_simulator import ExternalSimulator
 from twingap.gap.knowledge.learnt import Learnt
 from twingap.gap.report.model import Candidate, ParameterValue
 from twingap.gap.search.effect_search import Estimated, Explanation, estimate
 from twingap.gap.search.evidence import Compared, Evidence, replicates_of
-from twingap.records import Condition
 from twingap.twins.simulator import Simulator
 
 _SIMULATED: Final = 220
@@ -45,8 +43,8 @@ class HeldOut:
     def __init__(self, evidence: Evidence, found: Explanation) -> None:
         self.evidence, self.found = evidence, found
         self.part = evidence.calibrated.held_out
-        self.grid = Grid.of(self.part.conditions, evidence.frame.bearing)
-        self.real = evidence.vectors(self.part, self.grid)
+        self.grid = evidence.grid(self.part.conditions)
+        self.real = evidence.held_out.vectors
         n = len(self.part)
         simulator = found.before.simulator
         self.most = replicates_of(simulator, self.part.conditions, int(np.clip(np.ceil(_SIMULATED / n), 3, 39)))
@@ -59,9 +57,7 @@ class HeldOut:
 
     def replicates(self, simulator: Simulator, effects: tuple[Effect, ...], count: int) -> list[FeatureVectors]:
         """Feature vectors of `count` replicates of the held-out part."""
-        numbers = range(2, 2 + count)
-        made = self.evidence.simulated
-        return [self.evidence.vectors(made(simulator, effects, self.part.conditions, k), self.grid) for k in numbers]
+        return self.evidence.held_out_replicates(simulator, effects, count)
 
     def training_sets(self, after: Compared | None = None) -> TrainingSets:
         """Further records for training a classifier: the user's simulated records under the conditions of the fit
@@ -71,12 +67,10 @@ class HeldOut:
             return None, None
         fit = self.evidence.calibrated.fit.conditions
         after = after or (found.after if found.gap else found.before)
-        return self._training_set(found.before, fit), self._training_set(after, fit)
-
-    def _training_set(self, compared: Compared, conditions: Sequence[Condition]) -> tuple[FeatureVectors, list[str]]:
-        """Feature vectors of simulated records under these conditions, and their faults."""
-        made = self.evidence.simulated(compared.simulator, compared.effects, conditions, 2)
-        return self.evidence.vectors(made, self.grid), [str(c.fault) for c in conditions]
+        faults = [str(c.fault) for c in fit]
+        made = (self.evidence.simulated(one.simulator, one.effects, fit, 2) for one in (found.before, after))
+        first, second = ((self.evidence.vectors(records, self.grid), faults) for records in made)
+        return first, second
 
     def candidates(
         self, learnt: Learnt, floor: float, rng: np.random.Generator, progress: Callable[[float], None]

@@ -250,8 +250,7 @@ def _lines_of(fault: str, bearing: Bearing) -> list[tuple[float, float]]:
     """Orders and weights of the lines of a fault, sidebands and harmonics of the shaft included."""
     order = bearing.fault_order(fault)
     found = [(k * order, 1.0) for k in range(1, HARMONICS + 1)] + [(float(k), ASIDE) for k in (1, 2, 3)]
-    if fault != "outer":
-        aside = 1.0 if fault == "inner" else bearing.ftf
+    if (aside := bearing.side_line_order(fault)) is not None:
         found += [(k * order + sign * aside, ASIDE) for k in (1, 2, 3) for sign in (-1, 1)]
     return found
 

@@ -20,7 +20,7 @@ from twingap.errors import TwingapError
 from twingap.gap.distance.feature_vectors import FeatureVectors, measure_vectors
 from twingap.gap.distance.grid import Grid
 from twingap.gap.distance.paired import Paired
-from twingap.gap.search.evidence import THOROUGH, Evidence, replicates_of, simulator_of
+from twingap.gap.search.evidence import THOROUGH, Evidence, simulator_of
 from twingap.gap.search.modelled_effects import without_values
 from twingap.gap.search.optimise import optimise
 from twingap.identification.calibrate import calibrate
@@ -86,11 +86,5 @@ def _left(bare: Blind, rng: np.random.Generator) -> float:
     calibrated = calibrate(bare.records, None if bare.sim is not None else bare.twin, rng, sim=bare.sim)
     evidence = Evidence(calibrated, simulator_of(calibrated, bare.sim), bare.twin, int(rng.integers(2**62)), THOROUGH)
     simulator = optimise(evidence, evidence.against().simulator, (), {}).simulator
-    part = calibrated.held_out
-    grid = Grid.of(part.conditions, evidence.frame.bearing)
-    made = [
-        evidence.vectors(evidence.simulated(simulator, (), part.conditions, 2 + k), grid)
-        for k in range(replicates_of(simulator, part.conditions, REPLICATES))
-    ]
-    pair = Paired(evidence.vectors(part, grid), made)
+    pair = Paired(evidence.held_out.vectors, evidence.held_out_replicates(simulator, (), REPLICATES))
     return float(pair.over_domains(pair.squares())[0][0])

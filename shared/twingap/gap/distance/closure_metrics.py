@@ -62,25 +62,13 @@ def closure_metrics(
     floors: tuple[float, Mapping[DomainName, float]] | None = None,
     scale: Array | None = None,
 ) -> tuple[Metric, ...]:
-    """The gap before and after, in several measures; the first is the overall gap, which closures refer to.
+    """The gap before and after, in several measures, from held-out records and replicates of the twin before and after.
 
-    Parameters
-    ----------
-    real : FeatureVectors
-        Held-out records.
-    before, after : sequence of FeatureVectors [replicates]
-    more : TrainingSets, optional
-        Further simulated records to train on, where those of the held-out conditions are few.
-    floors : (float, Mapping), optional
-        Of the comparison after, overall and by domain, from `Paired.floor`; drawn anew when None.
-    scale : Array [bins], optional
-        Of the comparisons, see `paired`.
-
-    Returns
-    -------
-    tuple of Metric
-        Overall gap, gap in each domain, AUC of the classifier two-sample test, MMD^2, and, with at least two known
-        faults of two records or more each, the accuracy on the records of a classifier trained on the twin alone.
+    The overall gap, which closures refer to; the gap in each domain; the AUC of the classifier two-sample test; MMD^2;
+    and, with at least two known faults of two records or more each, the accuracy on the records of a classifier trained
+    on the twin alone. `more` are further simulated records to train it on, where those of the held-out conditions are
+    few. `floors` are those of the comparison after, from `Paired.floor`, drawn anew when None; `scale` [bins] as in
+    `paired`.
     """
     pairs = paired(real, before, after, scale)
     floor, of_domains = pairs[1].floor(rng) if floors is None else floors

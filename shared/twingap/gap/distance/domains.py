@@ -140,8 +140,7 @@ def _time(record: RecordTransforms, grid: Grid) -> Array:
 
 
 def _condition(record: RecordTransforms, grid: Grid) -> Array:
-    """Scalars compared between conditions: log rms, log kurtosis, log power in the band of impacts, log part of
-    lines."""
+    """Log rms, log kurtosis, log power in the band of impacts and log part of lines, compared between conditions."""
     power = record.mean_square
     square = record.centred**2
     kurtosis = float(square @ square) / square.size / max(power**2, _TINY)
@@ -177,8 +176,8 @@ def _floor(power: Array, width: int = 40) -> Array:
 
 
 def _largest(values: Array, step: float, grid: Grid, edges: str, factor: float = 1.0) -> Array:
-    """[edges - 1] Largest bin of a spectrum between neighbouring edges of the grid, times a factor; the nearest bin
-    where there is none."""
+    """[edges - 1] Largest bin of a spectrum between edges of the grid, times a factor; the nearest bin where there is
+    none."""
     starts, stop = _line_bins(grid, edges, factor, step, values.size)
     return np.asarray(np.maximum.reduceat(values[:stop], starts))
 
@@ -194,8 +193,7 @@ def _line_bins(grid: Grid, edges: str, factor: float, step: float, size: int) ->
 
 @lru_cache(maxsize=32)
 def _level_bins(grid: Grid, fs_hz: float, size: int) -> tuple[NDArray[np.int64], int, NDArray[np.int64]]:
-    """First bin of each band of a smooth spectrum of `size` bins, where the last one ends, and their numbers of
-    bins."""
+    """First bin of each band of a smooth spectrum of `size` bins, the end of the last, and their numbers of bins."""
     middles_hz = (np.arange(size) + 0.5) * (fs_hz / 2 / size)
     edges = np.searchsorted(middles_hz, grid.levels_hz)
     starts = np.minimum(edges[:-1], size - 1)

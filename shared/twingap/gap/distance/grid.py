@@ -47,15 +47,6 @@ class Axis:
 class Grid:
     """Common bins of all records that are to be compared.
 
-    Parameters
-    ----------
-    top_hz : float
-        Half the smallest sampling rate.
-    top_order, top_envelope_order : float
-        Highest shaft order below half the sampling rate of every record, and highest order of envelope spectra.
-    duration_s : float
-        Median duration of the records, s; the axis of the domain "time".
-
     Notes
     -----
     Frequencies: 40 equal bands for the level between the lines; for the lines, bands of 10 Hz up to 500 Hz and of 4 %
@@ -63,10 +54,11 @@ class Grid:
     orders: steps of a tenth, which separate the cage's sidebands from the shaft's.
     """
 
-    top_hz: float
+    top_hz: float  # half the smallest sampling rate
+    # Highest shaft order below half the sampling rate of every record, and highest order of envelope spectra.
     top_order: float
     top_envelope_order: float
-    duration_s: float
+    duration_s: float  # median duration of the records, s; the axis of the domain "time"
 
     @classmethod
     def of(cls, conditions: Sequence[Condition], bearing: Bearing) -> Grid:

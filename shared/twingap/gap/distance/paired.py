@@ -19,15 +19,12 @@ from functools import cached_property
 from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from twingap.errors import TwingapError
 from twingap.gap.distance.domain_names import DomainName
 from twingap.gap.distance.feature_vectors import FeatureVectors
-from twingap.gap.distance.stratification import detrended, independent_units, slopes, strata
+from twingap.gap.distance.stratification import Places, detrended, independent_units, slopes, strata
 from twingap.records import Array
-
-Places = NDArray[np.int64]
 
 _LARGEST_POOL: Final = 512
 """Largest number of residuals that a bootstrap draws from. More are slower and hardly change intervals."""
@@ -59,14 +56,9 @@ class Drawn(NamedTuple):
 class Paired:
     """Records paired with their simulated replicates.
 
-    Parameters
-    ----------
-    real : FeatureVectors
-    sims : sequence of FeatureVectors [m replicates]
-        Each holds one record per real record, in the same order and of the same condition, from its own random numbers.
-    scale : Array [bins], optional
-        Spread for the standardisation, from another `Paired` of the same records, so that distances before and after
-        are comparable; None for its own.
+    Each of the replicates `sims` holds one record per real record, in the same order and of the same condition, from
+    its own random numbers. `scale` [bins] is the spread for the standardisation, from another `Paired` of the same
+    records, so that distances before and after are comparable; None for its own.
 
     Raises
     ------
@@ -360,7 +352,7 @@ class Paired:
 
     def over_strata(self, squares: Array) -> Array:
         """[draws, bins] Mean of `squares` [draws, strata, bins], large ones compressed (see `_LARGE`)."""
-        return _compressed(np.einsum("dsb,s->db", squares, self.stratum_weight))
+        return compressed(np.einsum("dsb,s->db", squares, self.stratum_weight))
 
     def over_domains(self, squares: Array) -> tuple[Array, dict[DomainName, Array]]:
         """Distances overall and per domain from `squares` [draws, strata, bins]; each [draws]."""
@@ -393,7 +385,7 @@ class Paired:
         return float(overall.mean()), {d: float(v.mean()) for d, v in domains.items()}
 
 
-def _compressed(squares: Array) -> Array:
+def compressed(squares: Array) -> Array:
     """Squares that grow with the logarithm beyond `_LARGE`, on either side of zero."""
     size = np.abs(squares)
     return np.where(size > _LARGE, np.sign(squares) * _LARGE * (1 + np.log(np.maximum(size, _LARGE) / _LARGE)), squares)

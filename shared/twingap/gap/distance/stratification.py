@@ -37,7 +37,9 @@ def strata(conditions: Sequence[Condition]) -> tuple[Places, ...]:
     parts: list[Places] = []
     for fault in dict.fromkeys(faults):
         own = np.array([i for i, f in enumerate(faults) if f == fault])
-        values = _varying([conditions[i] for i in own])
+        # The first of speed, load and time that varies.
+        known = (known_values([[conditions[i]] for i in own], name) for name in NUMBERS)
+        values = next((v for v in known if v is not None and varies(v)), None)
         count = min(_MOST_INTERVALS, max(len(own) // _FEWEST, 1))
         if values is None or count == 1:
             parts.append(own)
@@ -62,12 +64,6 @@ def strata(conditions: Sequence[Condition]) -> tuple[Places, ...]:
         others[largest] = np.concatenate([others[largest], *lonely])
         return tuple(others)
     return tuple(parts)
-
-
-def _varying(conditions: Sequence[Condition]) -> Array | None:
-    """The first of speed, load and time that varies by at least 5 % of its mean size; None when none does."""
-    found = (known_values([[c] for c in conditions], name) for name in NUMBERS)
-    return next((values for values in found if values is not None and varies(values)), None)
 
 
 def known_values(units: Sequence[Sequence[Condition]], name: str) -> Array | None:

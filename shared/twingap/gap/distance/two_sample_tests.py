@@ -44,19 +44,9 @@ def classifier_test(pair: Paired, rng: np.random.Generator, draws: int = 999) ->
     The classifier is linear, by least squares with a ridge (Fisher's discriminant): its predictions are linear in the
     labels, so every permutation costs a matrix product instead of a training. It has weights for all records and more
     for each fault. Bins are standardised by the spread between replicates; domains have equal weight. The statistic is
-    the mean over held-out records of the part of its replicates that score below it, 0.5 where nothing differs.
-
-    Parameters
-    ----------
-    pair : Paired
-        More than 200 records, or 500 records and replicates together, are thinned at random.
-    draws : int
-        Random exchanges of record and replicates.
-
-    Returns
-    -------
-    TwoSampleTest, float
-        And the mean of the statistic under the null, its floor.
+    the mean over held-out records of the part of its replicates that score below it, 0.5 where nothing differs; the
+    second value is its mean under the null, its floor. `draws` are random exchanges of record and replicates. More than
+    200 records, or 500 records and replicates together, are thinned at random.
     """
     rows, kept = _rows(pair, rng)
     conditions = [pair.conditions[i] for i in kept]

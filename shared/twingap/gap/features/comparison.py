@@ -62,14 +62,9 @@ def feature_names() -> tuple[str, ...]:
 def compare(pair: Pair, speeds: Speeds | None, of_pooled: Array, *, has_effects: bool = False) -> Array:
     """[features] Differences between measured and simulated records, and what they depend on; see `feature_names`.
 
-    Parameters
-    ----------
-    speeds : Speeds or None
-        Speed correction and cage slip from the calibration.
-    of_pooled : Array
-        From `pooled.features.compare`, of these records or of both parts.
-    has_effects : bool
-        Whether the given twin has effects, of which the machine may have a variant.
+    `speeds` are speed correction and cage slip from the calibration; `of_pooled` is from `pooled.features.compare`, of
+    these records or of both parts; `has_effects` is whether the given twin has effects, of which the machine may have a
+    variant.
     """
     with warnings.catch_warnings(), np.errstate(all="ignore"):
         warnings.simplefilter("ignore", RuntimeWarning)  # means of empty sets are NaN on purpose

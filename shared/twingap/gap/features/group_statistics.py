@@ -87,19 +87,11 @@ def _by_group(pair: Pair) -> list[Array]:
 
 
 def paired_z(differences: Array, kinds: NDArray[np.str_], small: Array, otherwise: Array) -> Array:
-    """[features] Normal deviates of the mean difference between records and simulated ones of the same conditions.
+    """[features] Normal deviates of the mean of `differences` [pairs, features] between records and simulated ones.
 
-    The influence of speed and fault is in both records of a pair and does not increase the error.
-
-    Parameters
-    ----------
-    differences : Array [pairs, features]
-    kinds : Array [pairs]
-        Fault of each pair; each fault has its own mean.
-    small : Array [features]
-        Standard deviation that is added in squares, so that z stays finite without spread.
-    otherwise : Array [features]
-        Values for features with too few known pairs.
+    The influence of speed and fault is in both records of a pair and does not increase the error. Each kind [pairs] of
+    record, its fault, has its own mean. `small` [features] is a standard deviation that is added in squares, so that z
+    stays finite without spread, `otherwise` [features] the values for features with too few known pairs.
     """
     known = np.isfinite(differences)
     count = known.sum(axis=0)

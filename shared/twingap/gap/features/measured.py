@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -28,11 +27,6 @@ class Measured:
     def conditions(self) -> tuple[Condition, ...]:
         """Conditions of the records."""
         return tuple(summary.condition for summary in self.summaries)
-
-    def take(self, places: Sequence[int] | NDArray[np.int64]) -> Measured:
-        """The records at these places."""
-        kept = np.asarray(places, dtype=int)
-        return Measured(self.values[kept], tuple(self.summaries[i] for i in kept), self.vectors.take(kept))
 
     @cached_property
     def pooled(self) -> PooledRecords:

@@ -68,13 +68,8 @@ def learn_detectability(
 ) -> tuple[Detectability, Mask]:  # fmt: skip
     """Detectability, and the undetectable effects of the examples themselves, by out-of-bag prediction.
 
-    Parameters
-    ----------
-    log_odds : Mapping[str, Array]
-        Log odds [examples] of each effect, by detectors not trained on the machine.
-    missing, values, features : Array [examples, columns]
-    effects, parameters, names : sequence
-        Names of their columns.
+    `log_odds` [examples] of each effect are by detectors not trained on the machine; `effects`, `parameters` and
+    `names` name the columns of `missing`, `values` and `features`, all [examples, columns].
     """
     from sklearn.ensemble import RandomForestRegressor
 

@@ -143,17 +143,9 @@ def learn_classifier(
 ) -> Ensemble | None:  # fmt: skip
     """A detector with calibrated log odds, or None where there are too few examples of either class.
 
-    Parameters
-    ----------
-    label : Mask [examples]
-    machine : Array [examples]
-        Machine of each example; a machine is in one fold only.
-    allowed : sequence of int
-        Columns that may be used.
-    first : Mask [examples], optional
-        Examples with the twin as given, calibrated separately from the others. None: all examples.
-    counted : Mask [examples], optional
-        Examples for training and calibration; for the others, predictions are computed only. None: all examples.
+    A machine is in one fold only; `allowed` are columns that may be used. Of the examples, `first` are those with the
+    twin as given, calibrated separately from the others, and `counted` those for training and calibration: for the
+    others, predictions are computed only. None: all examples.
     """
     from sklearn.ensemble import HistGradientBoostingClassifier
 

@@ -37,8 +37,7 @@ def stacked(parts: Sequence[Examples]) -> Examples:
 
 
 def _examples_of(seed: int, machine: int, most_records: int) -> Iterator[tuple[object, ...]]:
-    """Rows of one machine: with the twin as given and, for some, with effects added; none if it cannot be
-    calibrated."""
+    """Rows of one machine: the twin as given and, for some, with effects added; none if it cannot be calibrated."""
     rng = np.random.default_rng([seed, machine])
     try:
         gap = draw_gap(rng, most_records=most_records)

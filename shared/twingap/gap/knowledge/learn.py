@@ -16,13 +16,11 @@ from numpy.typing import NDArray
 
 from twingap.errors import TwingapError
 from twingap.gap.knowledge.detectability import Detectability, learn_detectability
-from twingap.gap.knowledge.detectors import Ensemble, Estimator, Table, learn_classifier, learn_estimator
+from twingap.gap.knowledge.detectors import Ensemble, Estimator, Mask, Table, learn_classifier, learn_estimator
 from twingap.gap.knowledge.effect_features import columns
 from twingap.gap.knowledge.learnt import NO_DETECTOR, Learnt, any_effect, any_gap_inputs
 from twingap.gap.knowledge.null import MachineScores, Null
 from twingap.records import Array
-
-Mask = NDArray[np.bool_]
 
 
 @dataclass
@@ -110,16 +108,8 @@ def learn(examples: Examples, effects: tuple[str, ...], parameters: tuple[tuple[
           names: tuple[str, ...], progress: Callable[[str, float], None]) -> Learnt:  # fmt: skip
     """All models of the diagnosis, trained on the examples.
 
-    Parameters
-    ----------
-    effects : tuple of str
-        Names of the columns of `examples.missing`.
-    parameters : tuple of (str, str)
-        Effect and parameter of the columns of `examples.values`.
-    names : tuple of str
-        Names of the features.
-    progress : callable
-        Called with a description of the current step and the completed part, 0 to 1.
+    `effects` name the columns of `examples.missing`, `parameters` (effect, parameter) those of `examples.values`,
+    `names` the features.
 
     Raises
     ------
@@ -224,8 +214,7 @@ def _hidden(
     examples: Examples, log_odds: Mapping[str, Array], effects: tuple[str, ...],
     parameters: tuple[tuple[str, str], ...], names: tuple[str, ...],
 ) -> tuple[Detectability, Mask]:  # fmt: skip
-    """Detectability, and the undetectable effects [examples, effects] of each machine, whatever was added to its
-    twin."""
+    """Detectability, and the undetectable effects [examples, effects] of each machine, whatever its twin was given."""
     rows = np.flatnonzero(examples.first)
     detectability, own = learn_detectability(
         {name: odds[rows] for name, odds in log_odds.items()}, examples.missing[rows], examples.values[rows],

@@ -71,17 +71,11 @@ def write_learnt(learnt: Learnt, folder: Path, parameters: Mapping[str, Any] | N
 
 
 def read_learnt(folder: Path, features: Sequence[str]) -> Learnt:
-    """Models from files, with their columns matched to the features of the running version.
+    """Models from files, with their columns matched to `features`, the names that the running version computes, in
+    order.
 
     Effects whose parameters have changed since, and a user's own effects of the same name, are `Learnt.outdated`: no
     model is applied to them.
-
-    Parameters
-    ----------
-    folder : Path
-        Folder of learnt.json and learnt.npz.
-    features : sequence of str
-        Names of the features that a diagnosis computes now, in their order.
 
     Raises
     ------

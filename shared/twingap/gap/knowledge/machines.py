@@ -123,8 +123,7 @@ def _tilted(x: NDArray[np.float64], tilt: float) -> NDArray[np.float64]:
 
 
 def _continuous(x: NDArray[np.float64], mode: float, part: float) -> NDArray[np.float64]:
-    """x, samples of the ring-down of a mode at this part of the sampling rate, as the response of a continuous
-    structure."""
+    """x, samples of the ring-down of a mode (part of the sampling rate), as the response of a continuous structure."""
     spectrum = scipy.fft.rfft(x)
     spectrum *= np.exp(0.5 * part * continuous(scipy.fft.rfftfreq(x.size), mode))
     return np.asarray(scipy.fft.irfft(spectrum, x.size))

@@ -133,8 +133,7 @@ class Null:
         return np.asarray(next((alike for alike in wider if alike.sum() >= _FEWEST_ALIKE), every), float)
 
     def _weight(self, records: float, alike: Array) -> Array:
-        """[machines] Weight of each null machine, decreasing with the difference in the logarithm of the number of
-        records."""
+        """[machines] Weight of each null machine, decreasing with the difference in the log number of records."""
         known = self.machines.records
         at = float(np.clip(records, known.min(), known.max()))
         for near in (_NEAR_RECORDS, 2 * _NEAR_RECORDS):

@@ -6,7 +6,7 @@ conditions --records_have--> entry of the provenance --without_what_is_there--> 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
 from twingap.effects import measurements
@@ -39,10 +39,7 @@ _INSTEAD: Final[Mapping[str, tuple[str, str]]] = {
 
 def records_have(conditions: Sequence[Condition]) -> dict[str, Any]:
     """Ends of speeds and loads that differ within a state, and the column that names a tacho or encoder."""
-    return dict(_had(conditions))
-
-
-def _had(conditions: Sequence[Condition]) -> Iterator[tuple[str, Any]]:
+    had: dict[str, Any] = {}
     for name in ("speed_rpm", "load_n"):
         of: dict[str | None, list[float]] = {}
         for c in conditions:
@@ -50,13 +47,14 @@ def _had(conditions: Sequence[Condition]) -> Iterator[tuple[str, Any]]:
                 of.setdefault(c.fault, []).append(float(value))
         ends = [(min(own), max(own)) for own in of.values()]
         if differing := [(low, high) for low, high in ends if high > _OTHER * low]:
-            yield name, [min(low for low, _ in differing), max(high for _, high in differing)]
+            had[name] = [min(low for low, _ in differing), max(high for _, high in differing)]
     columns = dict.fromkeys(
         column for c in conditions for column, value in c.extra.items()
         if value not in (None, "", False) and _TACHO.search(f"{column} {value}")
     )  # fmt: skip
     if columns:
-        yield "tacho", f"column {next(iter(columns))} of records.csv"
+        had["tacho"] = f"column {next(iter(columns))} of records.csv"
+    return had
 
 
 def without_what_is_there(advice: str, had: Mapping[str, Any]) -> str:

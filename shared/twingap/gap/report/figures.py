@@ -62,9 +62,7 @@ def curve_figure(curve: Curve, places: Sequence[Place] = ()) -> Any:
 
     Places are numbered as in the given sequence, of which those of other domains are left out.
     """
-    import plotly.graph_objects as go
-
-    figure = go.Figure()
+    figure = _figure()
     words = bool(curve.x) and isinstance(curve.x[0], str)
     x: Any = [html.escape(str(v)) for v in curve.x] if words else list(curve.x)
     for name, label, colour, dash, width in _LINES:
@@ -107,17 +105,14 @@ def curve_figure(curve: Curve, places: Sequence[Place] = ()) -> Any:
 
 def shares_figure(places: Sequence[Place]) -> Any:
     """Shares of the gap as bars, coloured alike and numbered as on the curves; each place is named above its bar."""
-    import plotly.graph_objects as go
-
     shown = list(places[:MOST_PLACES])
     labels = [f"{i}  {_label(p)}" for i, p in enumerate(shown, 1)]
-    figure = go.Figure(
-        go.Bar(
-            x=[100 * p.share for p in shown], y=list(range(len(shown))), orientation="h", width=0.42,
-            marker={"color": AFTER}, text=[f"{100 * p.share:.0f} %" for p in shown], textposition="outside",
-            cliponaxis=False, customdata=[[of, f"{p.p_value:.2g}"] for of, p in zip(labels, shown, strict=True)],
-            hovertemplate="%{customdata[0]}<br>%{x:.1f} % of the gap, p = %{customdata[1]}<extra></extra>",
-        )
+    figure = _figure()
+    figure.add_bar(
+        x=[100 * p.share for p in shown], y=list(range(len(shown))), orientation="h", width=0.42,
+        marker={"color": AFTER}, text=[f"{100 * p.share:.0f} %" for p in shown], textposition="outside",
+        cliponaxis=False, customdata=[[of, f"{p.p_value:.2g}"] for of, p in zip(labels, shown, strict=True)],
+        hovertemplate="%{customdata[0]}<br>%{x:.1f} % of the gap, p = %{customdata[1]}<extra></extra>",
     )  # fmt: skip
     for place, label in enumerate(labels):
         figure.add_annotation(
@@ -131,17 +126,14 @@ def shares_figure(places: Sequence[Place]) -> Any:
 
 def attribution_figure(shares: Sequence[GroupShare]) -> Any:
     """What each group of effects closes, as bars with 90 % intervals; groups that are not shown to are pale."""
-    import plotly.graph_objects as go
-
     values = [100 * share.share for share in shares]
-    figure = go.Figure(
-        go.Bar(
-            x=values, y=[html.escape(share.group) for share in shares], orientation="h",
-            marker={"color": [AFTER if share.shown else _faint(AFTER) for share in shares]},
-            error_x=_errors(values, [share.share_ci for share in shares], type="data", symmetric=False, color=GREY),
-            customdata=[html.escape(", ".join(one.effect for one in share.effects)) for share in shares],
-            hovertemplate="%{y}: %{x:.0f} % of the gap<br>%{customdata}<extra></extra>",
-        )
+    figure = _figure()
+    figure.add_bar(
+        x=values, y=[html.escape(share.group) for share in shares], orientation="h",
+        marker={"color": [AFTER if share.shown else _faint(AFTER) for share in shares]},
+        error_x=_errors(values, [share.share_ci for share in shares], type="data", symmetric=False, color=GREY),
+        customdata=[html.escape(", ".join(one.effect for one in share.effects)) for share in shares],
+        hovertemplate="%{y}: %{x:.0f} % of the gap<br>%{customdata}<extra></extra>",
     )  # fmt: skip
     figure.update_xaxes(title="closes (% of the gap)")
     figure.update_yaxes(autorange="reversed", automargin=True)
@@ -150,13 +142,11 @@ def attribution_figure(shares: Sequence[GroupShare]) -> Any:
 
 def closures_figure(candidates: Sequence[Candidate], effects: Sequence[str]) -> Any:
     """Closure of each candidate with its 90 % interval, the verdict's effects standing out."""
-    import plotly.graph_objects as go
-
     tried = [c for c in candidates if c.acts is None] or list(candidates)
     shown = [c for c in tried if c.effect in effects]
     others = [c for c in tried if c.effect not in effects and not undetermined(c.closure_ci)]
     shown += others[: max(MOST_CANDIDATES - len(shown), 0)]
-    figure = go.Figure()
+    figure = _figure()
     for named, colour, symbol, label in (
         (True, AFTER, "diamond", "named in the verdict"),
         (False, GREY, "circle-open", "other candidates"),
@@ -186,14 +176,12 @@ def closures_figure(candidates: Sequence[Candidate], effects: Sequence[str]) -> 
 
 def metrics_figure(metrics: Sequence[Metric]) -> Any:
     """Part of the gap that is left, in every measure: 100 % is the twin before, 0 % the floor."""
-    import plotly.graph_objects as go
-
     shown = [m for m in metrics if m.closure is not None]
     names = ["<br>".join(map(html.escape, textwrap.wrap(m.metric.replace("_", " "), 24))) for m in shown]
     left = [100 * _left(m, m.after) for m in shown]
     parts = [sorted(_left(m, v) for v in m.ci_after) for m in shown]
     ends = [[100 * v for v in part] for part in parts]
-    figure = go.Figure()
+    figure = _figure()
     for name, value in zip(names, left, strict=True):
         figure.add_scatter(
             x=[100, value], y=[name, name], mode="lines", line={"color": "#c9c9c9", "width": 5}, hoverinfo="skip",
@@ -217,6 +205,13 @@ def metrics_figure(metrics: Sequence[Metric]) -> Any:
     figure.update_xaxes(title="gap left (%)", nticks=6, range=[max(low, -100.0) - 3, min(high, 300.0) + 3])
     figure.update_yaxes(categoryorder="array", categoryarray=names, autorange="reversed", automargin=True)
     return _styled(figure, height=140 + 42 * len(shown), top=48)
+
+
+def _figure() -> Any:
+    """An empty figure; plotly is a slow import."""
+    import plotly.graph_objects as go
+
+    return go.Figure()
 
 
 def _errors(values: Sequence[float], parts: Sequence[Sequence[float]], **style: Any) -> dict[str, Any]:

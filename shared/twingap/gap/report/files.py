@@ -57,12 +57,7 @@ def to_json(report: GapReport) -> dict[str, Any]:
 
 
 def write_report(report: GapReport, folder: str | os.PathLike[str]) -> tuple[Path, Path]:
-    """Write gap.json and report.html into a folder, both or none.
-
-    Returns
-    -------
-    (Path, Path)
-        Of gap.json and report.html.
+    """Write gap.json and report.html into a folder, both or none, and return their paths in this order.
 
     Raises
     ------

@@ -254,28 +254,15 @@ class EffectShare:
 
 @dataclass(frozen=True)
 class GroupShare:
-    """Share of a group of effects in the closure of the closest twin.
-
-    Parameters
-    ----------
-    effects : tuple of EffectShare
-        The largest first.
-    share : float
-        Of the gap. Shares of all groups add up to the closure (Shapley values).
-    share_ci : (float, float)
-        90 % interval over recordings.
-    p_value : float
-        Of held-out records being no closer with the group than without it.
-    shown : bool
-        Whether that is shown, at a false discovery rate of 10 % over all groups.
-    """
+    """Share of a group of effects in the closure of the closest twin."""
 
     group: str
-    effects: tuple[EffectShare, ...]
+    effects: tuple[EffectShare, ...]  # the largest first
+    # Of the gap. Shares of all groups add up to the closure (Shapley values).
     share: float
-    share_ci: Interval
-    p_value: float
-    shown: bool = True
+    share_ci: Interval  # 90 % interval over recordings
+    p_value: float  # of held-out records being no closer with the group than without it
+    shown: bool = True  # whether that is shown, at a false discovery rate of 10 % over all groups
 
 
 @dataclass(frozen=True)
@@ -289,24 +276,15 @@ class Ceiling:
 
 @dataclass(frozen=True)
 class ClosestTwin:
-    """The closest twin: all effects that bring it closer, named or not, with what each group of them closes.
-
-    Parameters
-    ----------
-    closure, closure_ci : float and (float, float)
-        Part of the gap that they close, on held-out records, with its 90 % interval.
-    attribution : tuple of GroupShare
-        The largest share first; empty where nothing closes, or it was not requested.
-    twin : str
-        Name of its twin file, beside gap.json; empty without one.
-    """
+    """The closest twin: all effects that bring it closer, named or not, with what each group of them closes."""
 
     effects: tuple[ClosestEffect, ...] = ()
-    closure: float = 0.0
+    closure: float = 0.0  # part of the gap that they close, on held-out records, with its 90 % interval
     closure_ci: Interval = (0.0, 0.0)
+    # The largest share first; empty where nothing closes, or it was not requested.
     attribution: tuple[GroupShare, ...] = ()
     ceiling: Ceiling = field(default_factory=Ceiling)
-    twin: str = ""
+    twin: str = ""  # name of its twin file, beside gap.json; empty without one
     metrics: tuple[Metric, ...] = ()
 
     @property

@@ -35,13 +35,7 @@ def version() -> str:
 
 
 def problems(table: Any) -> list[str]:
-    """Errors of a gap report, each as "path: what"; an empty list for a valid one.
-
-    Parameters
-    ----------
-    table : Any
-        Parsed gap.json, or its content before writing.
-    """
+    """Errors of a gap report, parsed or before writing, each as "path: what"; an empty list for a valid one."""
     found = [_message(error) for error in _validator().iter_errors(table)]
     found += [f"{place}: not a finite number" for place in _not_finite(table, "")]
     return found or list(_inconsistent(table))

@@ -44,15 +44,12 @@ def track_report(tracker: Tracker, report: GapReport, files: Iterable[str | os.P
         run.metrics(_metrics(report))
         run.data(records or "records", str(stated["records_sha256"]))
         for table, frame in (("where", report.where), ("which", report.which), ("shrink", report.shrink)):
-            run.table(table, frame.map(_plain_cell))
+            # Tables in a cell of a CSV file as JSON.
+            plain = frame.map(lambda cell: json.dumps(cell, ensure_ascii=False) if isinstance(cell, dict) else cell)
+            run.table(table, plain)
         run.text("verdict.md", "\n\n".join((report.sentence, *report.notes)) + "\n")
         for path in files:
             run.file(path)
-
-
-def _plain_cell(cell: Any) -> Any:
-    """A cell of a CSV file: tables as JSON."""
-    return json.dumps(cell, ensure_ascii=False) if isinstance(cell, dict) else cell
 
 
 def _metrics(report: GapReport) -> dict[str, Any]:

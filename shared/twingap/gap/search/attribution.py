@@ -12,23 +12,22 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from itertools import permutations
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import false_discovery_control
 
 from twingap.effects import Effect
 from twingap.gap.distance.closure import closure, percentile_interval
 from twingap.gap.distance.feature_vectors import FeatureVectors
 from twingap.gap.distance.paired import Paired
+from twingap.gap.report.model import EffectShare, GroupShare
 from twingap.gap.search.evidence import Evidence
 from twingap.gap.search.sign_flips import p_of_gain
+from twingap.records import Array
 from twingap.twins.simulator import Simulator
 
-Array = NDArray[np.float64]
 Chain = tuple[Effect, ...]
 Made = Callable[[Simulator, Chain], list[FeatureVectors]]
 
@@ -38,33 +37,6 @@ DRAWS: Final = 200
 """Bootstrap draws of an interval. More make its ends more exact."""
 FALSE_DISCOVERIES: Final = 0.1
 """False discovery rate at which a group or an effect counts as shown. A larger value names more of them."""
-
-
-@dataclass(frozen=True)
-class Share:
-    """Share of a group of effects in the closure.
-
-    Parameters
-    ----------
-    group : str
-    effects : tuple of (str, float)
-        Its effects and the share of each, largest first.
-    share : float
-        Of the gap; all shares add up to the closure.
-    share_ci : (float, float)
-        90 % interval over recordings.
-    p_value : float
-        Of held-out records being no closer with the group than without it.
-    shown : bool
-        Whether it closes a part, at a false discovery rate of `FALSE_DISCOVERIES`.
-    """
-
-    group: str
-    effects: tuple[tuple[str, float], ...]
-    share: float
-    share_ci: tuple[float, float]
-    p_value: float
-    shown: bool
 
 
 def attribution(
@@ -79,26 +51,12 @@ def attribution(
     floor: float,
     rng: np.random.Generator,
     progress: Callable[[float], None] = lambda part: None,
-) -> tuple[Share, ...]:
-    """Shares of the groups of the closest twin's effects, the largest first.
+) -> tuple[GroupShare, ...]:
+    """Shares of the groups of the closest twin's effects (`simulator`, `effects`), the largest first.
 
-    Parameters
-    ----------
-    evidence : Evidence
-    simulator, effects
-        The closest twin.
-    real : FeatureVectors
-        Held-out records.
-    before : sequence of FeatureVectors
-        Replicates of the twin as given.
-    made : callable
-        Simulator, effects -> replicates.
-    refitted : callable
-        Effects -> the twin with these alone, its baseline fitted again.
-    floor : float
-        Distance that sampling alone leaves.
-    rng : numpy.random.Generator
-    progress : callable
+    `real` are held-out records, `before` replicates of the twin as given; `made` gives replicates of a simulator with
+    effects, and `refitted` the twin with some effects alone, its baseline fitted again. `floor` is the distance that
+    sampling alone leaves.
     """
     by_group: dict[str, list[Effect]] = {}
     for effect in effects:
@@ -153,12 +111,9 @@ def attribution(
         found.append((group, members, shares[group], ci, p))
         progress(0.7 + 0.3 * (number + 1) / len(groups))
     adjusted = false_discovery_control([row[4] for row in found])
-    return tuple(
-        sorted(
-            (Share(*row, bool(q <= FALSE_DISCOVERIES and row[2] > 0)) for row, q in zip(found, adjusted, strict=True)),
-            key=lambda share: -share.share,
-        )
-    )
+    rows = zip(found, adjusted, strict=True)
+    out = (GroupShare(*row, bool(q <= FALSE_DISCOVERIES and row[2] > 0)) for row, q in rows)
+    return tuple(sorted(out, key=lambda share: -share.share))
 
 
 def _orders(groups: Sequence[str], rng: np.random.Generator) -> list[tuple[str, ...]]:
@@ -175,10 +130,10 @@ def _orders(groups: Sequence[str], rng: np.random.Generator) -> list[tuple[str, 
 def _members(
     members: Sequence[Effect], effects: Chain, share: float, full: Paired,
     paired_of: Callable[[frozenset[str], Chain], Paired],
-) -> tuple[tuple[str, float], ...]:  # fmt: skip
+) -> tuple[EffectShare, ...]:  # fmt: skip
     """Share of each effect of a group: in proportion to what is lost without it, if anything is."""
     if len(members) == 1:
-        return ((members[0].name, share),)
+        return (EffectShare(members[0].name, share),)
     gap = float(full.over_domains(full.squares())[0][0])
     lost: dict[str, float] = {}
     for effect in members:
@@ -186,5 +141,5 @@ def _members(
         pair = paired_of(frozenset(), others)
         lost[effect.name] = max(float(pair.over_domains(pair.squares())[0][0]) - gap, 0.0)
     total = sum(lost.values())
-    parts = {name: share * (value / total if total > 0 else 1 / len(lost)) for name, value in lost.items()}
-    return tuple(sorted(parts.items(), key=lambda item: -abs(item[1])))
+    parts = [EffectShare(n, share * (own / total if total > 0 else 1 / len(lost))) for n, own in lost.items()]
+    return tuple(sorted(parts, key=lambda part: -abs(part.share)))

@@ -22,7 +22,7 @@ from twingap.errors import TwingapError
 from twingap.gap.knowledge.learnt import Learnt
 from twingap.gap.search.effect_search import Explanation, estimate
 from twingap.gap.search.evidence import Compared, Evidence
-from twingap.gap.search.free_spectra import BACKGROUND, LINES, PATH, By, by_fault_or_all, measured
+from twingap.gap.search.free_spectra import BACKGROUND, LINES, PATH, By, Chain, by_fault_or_all, measured
 from twingap.gap.search.initial_values import observations
 from twingap.gap.search.joint import fitted_together
 from twingap.gap.search.optimise import optimise, validation_distance
@@ -31,7 +31,6 @@ from twingap.gap.search.unit_impacts import effects_on_impacts, with_impacts_by_
 from twingap.twins.simulator import Simulator, TwinSimulator
 from twingap.twins.twin_file import TwinSpec
 
-Chain = tuple[Effect, ...]
 Progress = Callable[[str, float], None]
 
 MOST: Final = 12
@@ -77,20 +76,8 @@ def closest_twin(
 ) -> Compared:
     """The twin with all effects that bring it closer to the fit part, their values fitted together.
 
-    Parameters
-    ----------
-    evidence : Evidence
-    found : Explanation
-        Result of the search; its effects stay.
-    learnt : Learnt
-        Estimators that give initial values.
-    progress : callable
-        Called with a description of the current step and the completed part, 0 to 1.
-
-    Returns
-    -------
-    Compared
-        The verdict's twin where nothing brings it closer.
+    The effects of `found` stay; estimators of `learnt` give initial values. It is the verdict's twin where nothing
+    brings it closer.
     """
     begin = found.after if found.gap else found.before
     bare = evidence.without_added(begin.simulator)
@@ -147,13 +134,7 @@ def closest_twin(
 
 
 def closest_spec(compared: Compared) -> TwinSpec | None:
-    """Twin file of a twin with these effects and values.
-
-    Returns
-    -------
-    TwinSpec or None
-        None for a simulator without a twin file.
-    """
+    """Twin file of a twin with these effects and values; None for a simulator without one."""
     if not isinstance(compared.simulator, TwinSimulator):
         return None
     spec = compared.simulator.spec

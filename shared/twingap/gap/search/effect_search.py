@@ -19,7 +19,6 @@ from types import MappingProxyType
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from twingap.effects import Effect, catalogue, trainable
 from twingap.gap.knowledge.learnt import Learnt
@@ -31,8 +30,8 @@ from twingap.gap.search.initial_values import better_initial
 from twingap.gap.search.optimise import not_farther, optimise, validation_distance
 from twingap.gap.search.parameter_prior import Key, Prior
 from twingap.gap.search.parameter_scale import coordinates, to_effect, to_number, to_value
+from twingap.records import Array
 
-Array = NDArray[np.float64]
 Progress = Callable[[str, float], None]
 
 ROUNDS: Final = 4
@@ -77,57 +76,29 @@ UNLIKELY: Final = -2.5
 
 @dataclass(frozen=True)
 class Estimated:
-    """An effect at its estimated values.
-
-    Parameters
-    ----------
-    effect : Effect
-    intervals : Mapping[str, (float, float)]
-        90 % intervals of its parameters, in their units.
-    priors : Mapping[(effect, parameter), Prior]
-        Priors of the parameters from the estimators; they stay when values are optimised.
-    """
+    """An effect at its estimated values."""
 
     effect: Effect
-    intervals: Mapping[str, tuple[float, float]]
+    intervals: Mapping[str, tuple[float, float]]  # 90 % intervals of its parameters, in their units
+    # Priors of the parameters from the estimators; they stay when values are optimised.
     priors: Mapping[Key, Prior] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
 class Explanation:
-    """Result of a search.
+    """Result of a search."""
 
-    Parameters
-    ----------
-    p_value : float
-        P-value of no gap.
-    gap : bool
-        Whether there is a gap at the level of the test.
-    effects : tuple of Estimated
-        Effects named as missing, the most certain first.
-    probability : Mapping[str, float]
-        Probability that each effect of the catalogue is missing.
-    confidence_set : tuple of tuple of str
-        Sets of effects that the data do not distinguish, the most probable first.
-    rest_p : float
-        P-value of no rest once the effects are added.
-    before, after : Compared
-        The twin as given, and the twin with those named effects that its simulator can add.
-    cannot : Mapping[str, str]
-        Effects that the simulator cannot add, and the reason.
-    fitted : Mapping[str, Effect]
-        Effects without a detector, at the values that were fitted to the twin, named or not.
-    """
-
-    p_value: float
-    gap: bool
-    effects: tuple[Estimated, ...]
-    probability: Mapping[str, float]
+    p_value: float  # of no gap
+    gap: bool  # whether there is a gap at the level of the test
+    effects: tuple[Estimated, ...]  # effects named as missing, the most certain first
+    probability: Mapping[str, float]  # probability that each effect of the catalogue is missing
+    # Sets of effects that the data do not distinguish, the most probable first.
     confidence_set: tuple[tuple[str, ...], ...]
-    rest_p: float
-    before: Compared
+    rest_p: float  # of no rest once the effects are added
+    before: Compared  # the twin as given, and the twin with those named effects that its simulator can add
     after: Compared
-    cannot: Mapping[str, str]
+    cannot: Mapping[str, str]  # effects that the simulator cannot add, and the reason
+    # Effects without a detector, at the values that were fitted to the twin, named or not.
     fitted: Mapping[str, Effect] = field(default_factory=dict)
 
     @property
@@ -138,23 +109,12 @@ class Explanation:
 
 @dataclass(frozen=True)
 class Searched:
-    """A finished search, before probabilities are calibrated.
-
-    Parameters
-    ----------
-    search : _Search
-    p_value : float
-        P-value of no gap.
-    rest_p : float
-        P-value of no rest.
-    outcomes : Mapping[str, Outcome]
-        Outcome of every effect that the given twin does not have.
-    """
+    """A finished search, before probabilities are calibrated."""
 
     search: _Search
-    p_value: float
-    rest_p: float
-    outcomes: Mapping[str, Outcome]
+    p_value: float  # of no gap
+    rest_p: float  # of no rest
+    outcomes: Mapping[str, Outcome]  # outcome of every effect that the given twin does not have
 
 
 def search(
@@ -165,14 +125,7 @@ def search(
 ) -> Searched:
     """Stepwise search: add effects that seem missing, drop those that are not confirmed, until nothing changes.
 
-    Parameters
-    ----------
-    evidence : Evidence
-    learnt : Learnt
-    progress : callable
-        Called with a description of the current step and the completed part, 0 to 1.
-    held : Mapping[str, Estimated], optional
-        Effects without detectors that are added first and never dropped.
+    Effects in `held`, which have no detectors, are added first and never dropped.
     """
     found = _Search(evidence, learnt)
     progress("the twin as given", 0.0)
@@ -202,15 +155,7 @@ def search(
 
 
 def explain(evidence: Evidence, learnt: Learnt, progress: Progress) -> Explanation:
-    """Search for the effects that the twin lacks, with calibrated probabilities and optimised values.
-
-    Parameters
-    ----------
-    evidence : Evidence
-    learnt : Learnt
-    progress : callable
-        Called with a description of the current step and the completed part, 0 to 1.
-    """
+    """Search for the effects that the twin lacks, with calibrated probabilities and optimised values."""
     ended = search(evidence, learnt, progress)
     own = [name for name in trainable() if not learnt.covers(name) and name not in ended.search.already]
     tested: dict[str, float] = {}
@@ -238,7 +183,7 @@ def explain(evidence: Evidence, learnt: Learnt, progress: Progress) -> Explanati
     named = found.strongest_first() if gap else []
     return Explanation(
         p_value, gap, tuple(found.values[name] for name in named),
-        probability | dict.fromkeys(found.already, 0.0), sets if gap else _with(sets, ()), rest_p,
+        probability | dict.fromkeys(found.already, 0.0), sets if gap else ((), *filter(None, sets)), rest_p,
         before, after, found.cannot, fitted,
     )  # fmt: skip
 
@@ -286,15 +231,9 @@ def level_of_gap(evidence: Evidence, surest: float = 0.0) -> float:
 def with_fitted_values(evidence: Evidence, learnt: Learnt, names: Sequence[str]) -> tuple[Effect, ...]:
     """Modelled effects at the values, near their estimates, that bring the twin closest to the fit part.
 
-    Effects that act on none of the records are left out. Priors are strong (`MODELLED_PRIOR_WEIGHT`), because other
-    effects may be missing and these values must not compensate for them.
-
-    Parameters
-    ----------
-    evidence : Evidence
-        Evidence of a twin without these effects.
-    learnt : Learnt
-    names : sequence of str
+    `evidence` is of a twin without these effects. Effects that act on none of the records are left out. Priors are
+    strong (`MODELLED_PRIOR_WEIGHT`), because other effects may be missing and these values must not compensate for
+    them.
     """
     found = _Search(evidence, learnt, MODELLED_PRIOR_WEIGHT)
     found.add(names)
@@ -350,8 +289,8 @@ class _Search:
 
     def helpful(self) -> list[str]:
         """The improbable effect that reduces the distance most, where the rest is significant."""
-        rest = self._rest_p() if self.values else 0.0  # without any effect, all of the gap is rest
-        if rest > ALPHA_REST or len(self.values) >= MOST_EFFECTS:
+        # Without any effect, all of the gap is rest.
+        if self.rest_p(0.0) > ALPHA_REST or len(self.values) >= MOST_EFFECTS:
             return []
         odds, gap = self.odds(self.now), self._gap()
         best = (1.0, "")
@@ -445,7 +384,8 @@ class _Search:
         if found is not None:
             self._store_values([found.effect])
             if found.read:  # other values: the prior moves there
-                anew = {k: one._replace(number=self._number(found.effect, k)) for k, one in priors.items()}
+                numbers = {key: to_number(found.effect, key[1], self.evidence.setting) for key in priors}
+                anew = {key: one._replace(number=numbers[key]) for key, one in priors.items()}
                 self.values[name] = replace(self.values[name], priors=anew)
             self.now = self.evidence.against(self.added())
 
@@ -459,20 +399,13 @@ class _Search:
                 self.missed[name] = self.odds(without, left_out=True)[name]
                 # A missing effect cannot increase the distance when added: one that does needs higher log odds.
                 worse = name not in self.cannot and gap > WORSE * self.evidence.gap(without.simulator, others)
-                slack[name] = self.missed[name] - self._least(name) - DOUBT * worse
+                least = UNLIKELY if name in self.helped else self.learnt.thresholds.get(name, THRESHOLD) - KEEPS
+                slack[name] = self.missed[name] - least - DOUBT * worse
             weakest = min(slack, key=lambda name: slack[name])
             if slack[weakest] > 0:
                 return
             del self.values[weakest]
             self.now = self.evidence.against(self.added())
-
-    def _number(self, effect: Effect, key: Key) -> float:
-        """Value of a parameter as a comparable number."""
-        return to_number(effect, key[1], self.evidence.setting)
-
-    def _least(self, name: str) -> float:
-        """Log odds at or below which an effect is dropped."""
-        return UNLIKELY if name in self.helped else self.learnt.thresholds.get(name, THRESHOLD) - KEEPS
 
     def certainty(self) -> dict[str, float]:
         """Log odds of every effect: of a named one with that effect left out, of any other against the current twin."""
@@ -480,11 +413,9 @@ class _Search:
         return {name: self.missed.get(name, now[name]) if name in self.values else now[name] for name in now}
 
     def rest_p(self, p_value: float) -> float:
-        """P-value of no rest; `p_value`, that of no gap, where no effect was added."""
-        return self._rest_p() if self.values else p_value
-
-    def _rest_p(self) -> float:
-        """P-value of no rest for the current twin."""
+        """P-value of no rest for the current twin; `p_value`, that of no gap, where no effect was added."""
+        if not self.values:
+            return p_value
         return self.learnt.rest_p(self.now.held_out, {*self.already, *(effect.name for effect in self.added())})
 
     def keep(self, names: Sequence[str]) -> None:
@@ -506,21 +437,10 @@ class _Search:
 
 
 def estimate(name: str, features: Array, evidence: Evidence, learnt: Learnt) -> Estimated:
-    """An effect at the values estimated from features, with 90 % intervals.
+    """An effect at the values estimated from features [features] of the fit part, with 90 % intervals.
 
-    Parameters
-    ----------
-    name : str
-    features : Array [features]
-        Features of the fit part.
-    evidence : Evidence
-    learnt : Learnt
-
-    Returns
-    -------
-    Estimated
-        Parameters without an estimator have their defaults and no interval, values that the records show exactly no
-        interval.
+    Parameters without an estimator have their defaults and no interval, values that the records show exactly no
+    interval.
     """
     setting = evidence.setting
     default = catalogue()[name]()
@@ -560,19 +480,9 @@ def to_name(probability: Mapping[str, float], limit: float) -> list[str]:
 
 
 def confidence_set(probability: Mapping[str, float], level: float) -> tuple[tuple[str, ...], ...]:
-    """Smallest collection of sets of effects whose joint probability reaches `level`, with effects independent.
+    """Smallest collection of sets of effects whose joint probability reaches `level`, the most probable first.
 
-    Parameters
-    ----------
-    probability : Mapping[str, float]
-        Probability that each effect is missing.
-    level : float
-        Joint probability to reach.
-
-    Returns
-    -------
-    tuple of tuple of str
-        Sets of missing effects, the most probable first.
+    Effects are missing independently, with these probabilities.
     """
     names = list(probability)
     p = np.array([probability[name] for name in names])
@@ -594,8 +504,3 @@ def _strongest(odds: Mapping[str, float]) -> list[str]:
 def _probability(log_odds: float) -> float:
     """Logistic function of log odds."""
     return 1 / (1 + math.exp(-max(min(log_odds, 30.0), -30.0)))
-
-
-def _with(sets: tuple[tuple[str, ...], ...], one: tuple[str, ...]) -> tuple[tuple[str, ...], ...]:
-    """The sets with `one` moved or added to the front."""
-    return (one, *(s for s in sets if s != one))

@@ -31,12 +31,10 @@ from twingap.gap.search.free_spectra import By, Spectra
 from twingap.gap.search.parameter_scale import Setting
 from twingap.identification.baseline import MOST_SIMULATED, Key, StateSpectrum, levels_of, match_level, state_spectra
 from twingap.identification.calibrate import Calibrated, recalibrate, thinned
-from twingap.records import Condition, Record, RecordSet
+from twingap.records import Array, Condition, Record, RecordSet
 from twingap.signal.record_transforms import RecordTransforms
 from twingap.twins.simulator import Simulator, TwinSimulator
 from twingap.twins.twin_file import TwinSpec, all_parameters, flat, nested
-
-Array = NDArray[np.float64]
 
 MOST_TRIED: Final = 6
 """Records of each state that trial simulations use. A larger number makes fitted values more precise and trials
@@ -64,12 +62,7 @@ trials."""
 class Compared:
     """Comparison of the records with one simulation of them; each part is simulated on first use.
 
-    Attributes
-    ----------
-    effects : tuple of Effect
-        Effects added to the twin.
-    simulator : Simulator
-        The twin calibrated with them.
+    `effects` are those added to the twin, `simulator` is the twin calibrated with them.
     """
 
     def __init__(self, evidence: Evidence, effects: tuple[Effect, ...], simulator: Simulator) -> None:
@@ -89,9 +82,7 @@ class Compared:
     def _features(self, part: int) -> Array:
         """[features] Comparison of one part, 0 (fit) or 1 (held out)."""
         of, real = self._evidence, self._evidence.parts[part]
-        simulated = comparison.measure_records(
-            self._simulated(part), of.frame, Grid.of(real.conditions, of.frame.bearing)
-        )
+        simulated = comparison.measure_records(self._simulated(part), of.frame, of.grid(real.conditions))
         if part == 0:
             # Initial values are for the fit part: lines and combs of the held-out part must not enter them.
             if self._levels is None:
@@ -117,19 +108,7 @@ class Compared:
 
 
 def simulator_of(calibrated: Calibrated, sim: RecordSet | None = None) -> Simulator:
-    """Simulator of a diagnosis.
-
-    Parameters
-    ----------
-    calibrated : Calibrated
-    sim : RecordSet, optional
-        The user's own simulated records.
-
-    Returns
-    -------
-    Simulator
-        The calibrated twin, or an external simulator of the simulated records.
-    """
+    """The calibrated twin, or an external simulator of the user's simulated records."""
     fit = calibrated.fit
     if sim is not None:
         others = calibrated.held_out.conditions
@@ -142,18 +121,10 @@ def simulator_of(calibrated: Calibrated, sim: RecordSet | None = None) -> Simula
 class Evidence:
     """Features of the records, and comparisons with every twin evaluated so far.
 
-    Parameters
-    ----------
-    calibrated : Calibrated
-    simulator : Simulator
-        The calibrated twin, or the user's own simulator.
-    spec : TwinSpec
-        The twin as given: its fixed parameters stay fixed, its effects are not candidates.
-    root : int
-        Entropy of all simulations: every combination of effects is simulated with the same random impacts and noise, so
-        that differences between combinations are not random.
-    dampings : sequence of float
-        Initial damping ratios of the search for the mode of a twin with effects, see `baseline.match_baseline`.
+    `simulator` is the calibrated twin, or the user's own. `spec` is the twin as given: its fixed parameters stay fixed,
+    its effects are not candidates. `root` is the entropy of all simulations: every combination of effects is simulated
+    with the same random impacts and noise, so that differences between combinations are not random. `dampings` are
+    initial damping ratios of the search for the mode of a twin with effects, see `baseline.match_baseline`.
     """
 
     def __init__(
@@ -167,7 +138,7 @@ class Evidence:
         self.spec, self.dampings = spec, tuple(dampings)
         self.calibrated, self.root, self.frame = calibrated, root, calibrated.frame
         self.fit, self.held_out = (
-            comparison.measure_records(part, self.frame, Grid.of(part.conditions, self.frame.bearing))
+            comparison.measure_records(part, self.frame, self.grid(part.conditions))
             for part in (calibrated.fit, calibrated.held_out)
         )
         self.parts = self.fit, self.held_out
@@ -180,6 +151,10 @@ class Evidence:
         self._bare_spectra: dict[Key, Array] = {}
         self._kept_vectors: dict[Key, FeatureVectors] = {}
         self._read_off: dict[str, Mapping[str, float]] = {}
+
+    def grid(self, conditions: Sequence[Condition]) -> Grid:
+        """Bins for records under these conditions."""
+        return Grid.of(conditions, self.frame.bearing)
 
     def pool(self, fit: Sequence[RecordSummary], held_out: Sequence[RecordSummary]) -> PooledRecords:
         """Pooled records of both parts; records that are in both count once."""
@@ -260,19 +235,14 @@ class Evidence:
     def trials(self) -> int:
         """Number of simulations of one search for values; it decreases with the cost of a simulation."""
         conditions = self.trial_records.conditions
-        samples = len(self._replicate_numbers(self._simulator, conditions)) * sum(c.n_samples for c in conditions)
+        samples = replicates_of(self._simulator, conditions, 2) * sum(c.n_samples for c in conditions)
         dear = CONTACT_COSTS if self.spec.model == "contact" else 1
         return int(np.clip(SAMPLES_TRIED / (samples * dear), *TRIALS))
-
-    @property
-    def n_trial_records(self) -> int:
-        """Number of records of a trial simulation."""
-        return len(self.trial_records)
 
     @cached_property
     def _trial_grid(self) -> Grid:
         """Grid of the trial records."""
-        return Grid.of(self.trial_records.conditions, self.frame.bearing)
+        return self.grid(self.trial_records.conditions)
 
     @cached_property
     def _trial_vectors(self) -> FeatureVectors:
@@ -282,31 +252,33 @@ class Evidence:
     @cached_property
     def _scale(self) -> Array:
         """Scale [bins] of distances on the fit part, the same for all twins."""
-        grid, conditions = Grid.of(self.fit.conditions, self.frame.bearing), self.fit.conditions
-        made = [
-            self.simulated_vectors(self._simulator, (), conditions, grid, k)
-            for k in self._replicate_numbers(self._simulator, conditions)
-        ]
+        conditions = self.fit.conditions
+        made = self._replicates(self._simulator, (), conditions, self.grid(conditions))
         return Paired(self.fit.vectors, made).scale
 
     @cached_property
     def _trial_scale(self) -> Array:
         """Scale [bins] of distances on the trial records, the same for all twins."""
-        vectors = [
-            self._simulated_trial(self._simulator, (), k)
-            for k in self._replicate_numbers(self._simulator, self.trial_records.conditions)
-        ]
-        return Paired(self._trial_vectors, vectors).scale
+        made = self._replicates(self._simulator, (), self.trial_records.conditions, self._trial_grid)
+        return Paired(self._trial_vectors, made).scale
 
-    def _replicate_numbers(self, simulator: Simulator, conditions: Sequence[Condition]) -> Sequence[int]:
-        """Numbers of two replicates, or of the only one there is."""
-        return (3, 4)[: replicates_of(simulator, conditions, 2)]
+    def _replicates(
+        self, simulator: Simulator, effects: Sequence[Effect], conditions: Sequence[Condition], grid: Grid
+    ) -> list[FeatureVectors]:
+        """Feature vectors of two simulations, or of the only one there is."""
+        numbers = (3, 4)[: replicates_of(simulator, conditions, 2)]
+        return [self.simulated_vectors(simulator, effects, conditions, grid, k) for k in numbers]
+
+    def held_out_replicates(self, simulator: Simulator, effects: Sequence[Effect], most: int) -> list[FeatureVectors]:
+        """Feature vectors of at most `most` simulations of the held-out part, on the bins of its records."""
+        conditions = self.held_out.conditions
+        grid, count = self.grid(conditions), replicates_of(simulator, conditions, most)
+        return [self.vectors(self.simulated(simulator, effects, conditions, 2 + k), grid) for k in range(count)]
 
     def gap(self, simulator: Simulator, effects: Sequence[Effect], replicate: int = 3) -> float:
         """Overall distance of the fit part from one simulation of it; for the search only, never reported."""
         conditions = self.fit.conditions
-        grid = Grid.of(conditions, self.frame.bearing)
-        made = self.simulated_vectors(simulator, effects, conditions, grid, replicate)
+        made = self.simulated_vectors(simulator, effects, conditions, self.grid(conditions), replicate)
         pair = Paired(self.fit.vectors, [made], self._scale)
         return float(pair.over_domains(pair.squares())[0][0])
 
@@ -319,15 +291,8 @@ class Evidence:
 
         With one simulation alone, values whose simulations have less scatter would have a smaller distance.
         """
-        made = [
-            self._simulated_trial(simulator, effects, k)
-            for k in self._replicate_numbers(simulator, self.trial_records.conditions)
-        ]
+        made = self._replicates(simulator, effects, self.trial_records.conditions, self._trial_grid)
         return Paired(self._trial_vectors, made, self._trial_scale)
-
-    def _simulated_trial(self, simulator: Simulator, effects: Sequence[Effect], replicate: int) -> FeatureVectors:
-        """Feature vectors of one simulation of the trial records."""
-        return self.simulated_vectors(simulator, effects, self.trial_records.conditions, self._trial_grid, replicate)
 
     def simulated_vectors(
         self,
@@ -354,16 +319,7 @@ class Evidence:
     def with_values(
         self, simulator: Simulator, effects: Sequence[Effect], baseline: Mapping[str, float] | None = None
     ) -> Simulator:
-        """The simulator with other values.
-
-        Parameters
-        ----------
-        simulator : Simulator
-        effects : sequence of Effect
-            Effects of the simulator, at their new values.
-        baseline : Mapping[str, float], optional
-            New values of baseline parameters.
-        """
+        """The simulator with its effects at other values and, where given, new values of baseline parameters."""
         if isinstance(simulator, ExternalSimulator):
             return simulator.with_gain(baseline["gain"]) if baseline else simulator
         if not isinstance(simulator, TwinSimulator):

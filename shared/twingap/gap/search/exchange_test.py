@@ -21,14 +21,11 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from twingap.gap.distance.grid import Grid
 from twingap.gap.features import comparison
 from twingap.gap.features.measured import Measured
 from twingap.gap.features.registry import NAMES
 from twingap.gap.search.evidence import Evidence
-from twingap.records import Record
-
-Array = NDArray[np.float64]
+from twingap.records import Array, Record
 
 EXCHANGES: Final = 999
 """Random draws of signs. A larger number resolves smaller p-values."""
@@ -43,17 +40,9 @@ _ROUNDING: Final = 1e-6
 
 
 def exchange_p_value(evidence: Evidence) -> float | None:
-    """P-value of no difference beyond that between recordings.
+    """P-value of no difference beyond that between recordings, for the user's own simulator.
 
-    Parameters
-    ----------
-    evidence : Evidence
-        With the user's own simulator, which has a counterpart of each record.
-
-    Returns
-    -------
-    float or None
-        None where there are too few groups of records, see `Evidence.exchangeable`.
+    None where there are too few groups of records, see `Evidence.exchangeable`.
     """
     real = evidence.parts
     conditions = [c for part in real for c in part.conditions]
@@ -72,24 +61,11 @@ def exchange_p_value(evidence: Evidence) -> float | None:
 def sign_flip_p_value(
     differences: Array, covariates: Array, groups: NDArray[np.str_], rng: np.random.Generator, draws: int = EXCHANGES
 ) -> float:
-    """P-value of differences whose sign is random, with one sign for all pairs of a group.
+    """P-value of differences [pairs, features] whose sign is random, with one sign for all pairs of a group [pairs].
 
-    Parameters
-    ----------
-    differences : Array [pairs, features]
-        NaN where a feature does not apply.
-    covariates : Array [pairs, covariates]
-        Covariates of the slopes, such as log speed and time.
-    groups : NDArray[str] [pairs]
-    rng : numpy.random.Generator
-    draws : int
-        Number of random draws of signs.
-
-    Returns
-    -------
-    float
-        Part of all draws, the observed one included, whose rarest statistic (mean difference or a slope) is at least as
-        rare as observed; 1 where no feature applies to half of the groups.
+    Differences are NaN where a feature does not apply; slopes are those over `covariates` [pairs, covariates], such as
+    log speed and time. The p-value is the part of all draws, the observed one included, whose rarest statistic (mean
+    difference or a slope) is at least as rare as observed; 1 where no feature applies to half of the groups.
     """
     names = list(dict.fromkeys(groups))
     signs = rng.choice([-1.0, 1.0], size=(1 + draws, len(names)))
@@ -127,7 +103,7 @@ def _mean(rows: Array) -> Array:
 
 def _measured_simulations(evidence: Evidence, louder: float = 1.0) -> tuple[Measured, ...]:
     """Features of the simulated records of each part."""
-    simulator, bearing = evidence.against().simulator, evidence.frame.bearing
+    simulator = evidence.against().simulator
     return tuple(
         comparison.measure_records(
             (
@@ -135,7 +111,7 @@ def _measured_simulations(evidence: Evidence, louder: float = 1.0) -> tuple[Meas
                 for record in evidence.simulated(simulator, (), part.conditions, number)
             ),
             evidence.frame,
-            Grid.of(part.conditions, bearing),
+            evidence.grid(part.conditions),
         )
         for number, part in enumerate(evidence.parts)
     )

@@ -19,14 +19,13 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Final, Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 
 from twingap.effects import BackgroundSpectrum, Effect, TransferPath
 from twingap.effects.by_state import ByState, State, by_state, of_state, unit_of
 from twingap.effects.transfer_path import delay_spread_s, passed_by_all_samples
 from twingap.gap.search.missing_lines import missing_lines
-from twingap.records import Condition, Record, RecordSet
+from twingap.records import Array, Condition, Record, RecordSet
 from twingap.signal.record_transforms import SMOOTH_SEGMENTS, RecordTransforms, band_medians
 from twingap.twins.simulator import Simulator, TwinSimulator
 from twingap.twins.twin_file import all_parameters, flat
@@ -34,7 +33,6 @@ from twingap.twins.twin_file import all_parameters, flat
 if TYPE_CHECKING:
     from twingap.gap.search.evidence import Evidence
 
-Array = NDArray[np.float64]
 Chain = tuple[Effect, ...]
 By = Literal["all", "fault", "unit"]
 """Whose records have a path, background or lines of their own: all, those of each fault, or of each unit."""
@@ -84,29 +82,12 @@ def measured(
     by: By = "all",
     all_samples: bool = False,
 ) -> tuple[Simulator, Chain] | None:
-    """The twin with transfer path, background or lines as measured on the fit part.
+    """The twin with transfer path, background or lines (`names`) as measured on the fit part; None where none can be.
 
-    Parameters
-    ----------
-    evidence : Evidence
-    simulator : Simulator
-    effects : sequence of Effect
-        Effects of the twin; those that are measured are measured anew, path and background from where they are.
-    names : collection of str
-        Which of transfer path, background and lines to add.
-    rounds : int
-        Simulations by which path and background are corrected.
-    by : {"all", "fault", "unit"}
-        Whose records have their own, as different bearings in different mountings have. Lines are not measured by unit:
-        those of few recordings are not in others.
-    all_samples : bool
-        Whether all samples of finished waveforms pass the path, one for all records (`TransferPath.all_samples`); so it
-        is where the path of `effects` is such a one.
-
-    Returns
-    -------
-    (Simulator, tuple of Effect) or None
-        None where nothing of them can be measured.
+    Those among `effects` are measured anew, path and background from where they are, in `rounds` simulations that
+    correct them. `by` is whose records have their own, as different bearings in different mountings have; lines are not
+    measured by unit: those of few recordings are not in others. With `all_samples`, all samples of finished waveforms
+    pass the path, one for all records (`TransferPath.all_samples`); so it is where the path of `effects` is such a one.
     """
     spectra = evidence.spectra(by)
     names = {name for name in names if evidence.can_add(name) is None and not (by == "unit" and name == LINES)}
@@ -161,28 +142,16 @@ def by_fault_or_all(evidence: Evidence) -> By:
 
 
 class StateLevels(NamedTuple):
-    """Mean log power densities of the records of a state.
+    """Mean log power densities of the records of a state."""
 
-    Parameters
-    ----------
-    all : Array [bands]
-        Of everything: impacts at a regular spacing are lines.
-    between : Array [bands]
-        Between the lines.
-    """
-
-    all: Array
-    between: Array
+    all: Array  # of everything: impacts at a regular spacing are lines
+    between: Array  # between the lines
 
 
 class Spectra:
     """Mean log spectra of the states of some records of the fit part, and how to compute those of simulated ones.
 
-    Parameters
-    ----------
-    evidence : Evidence
-    by_unit : bool
-        Whether each unit is a state of its own; its records are used then, else the trial records.
+    With `by_unit`, each unit is a state of its own; its records are used then, else the trial records.
     """
 
     def __init__(self, evidence: Evidence, *, by_unit: bool) -> None:

@@ -11,21 +11,17 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from twingap.effects import Draft, Effect, MeanSlip
 from twingap.effects.harmonic_series import HarmonicSeries
-from twingap.records import Condition, Record
+from twingap.gap.search.evidence import Evidence
+from twingap.records import Array, Condition, Record
 from twingap.signal.record_transforms import tone_spectrum
 from twingap.twins.simulator import Simulator
 
-if TYPE_CHECKING:
-    from twingap.gap.search.evidence import Evidence
-
-Array = NDArray[np.float64]
 Chain = tuple[Effect, ...]
 
 _SPREAD: Final = 0.004
@@ -48,14 +44,7 @@ _FUNDAMENTAL: Final = 0.3
 def with_measured_harmonics(
     evidence: Evidence, simulator: Simulator, effects: Sequence[Effect]
 ) -> tuple[Simulator, Chain] | None:
-    """The twin, harmonics of its series with the amplitudes of the fit part; None without a series.
-
-    Parameters
-    ----------
-    evidence : Evidence
-    simulator : Simulator
-    effects : sequence of Effect
-    """
+    """The twin, harmonics of its series with the amplitudes of the fit part; None without a series."""
     chain = tuple(effects)
     series = [effect for effect in chain if isinstance(effect, HarmonicSeries)]
     if not series:
@@ -77,12 +66,8 @@ def with_measured_harmonics(
 def _measured(effect: HarmonicSeries, more: Array, reference_rms: float) -> HarmonicSeries:
     """The series with the amplitudes that leave no more power in the records than in the twin.
 
-    Parameters
-    ----------
-    effect : HarmonicSeries
-    more : Array [records, harmonics]
-        Squared amplitudes of the records' lines less those of the twin's, NaN where a record does not have the line.
-    reference_rms : float
+    `more` [records, harmonics] are squared amplitudes of the records' lines less those of the twin's, NaN where a
+    record does not have the line.
     """
     level: float = effect.level  # type: ignore[attr-defined]
     own = np.zeros(more.shape[1])

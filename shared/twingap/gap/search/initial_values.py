@@ -10,30 +10,24 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Mapping
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Final, NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from twingap.effects import Effect
-from twingap.effects.observations import HealthySpectrum, ModePair, Observations, SpectrumRatio
+from twingap.effects.observations import HealthySpectrum, Observations, SpectrumRatio
 from twingap.gap.distance.feature_vectors import FeatureVectors
-from twingap.gap.distance.grid import Grid
 from twingap.gap.distance.paired import Paired
 from twingap.gap.features.comparison import feature_names
 from twingap.gap.features.spectrum.path import two_modes
-from twingap.gap.search.evidence import replicates_of
+from twingap.gap.search.evidence import Evidence, replicates_of
 from twingap.gap.search.parameter_prior import Key, Prior, penalty, penalty_weight
 from twingap.gap.search.parameter_scale import to_number
 from twingap.identification.baseline import mode_density, state_spectra
 from twingap.identification.calibrate import thinned
+from twingap.records import Array
+from twingap.twins.simulator import Simulator
 from twingap.twins.twin_file import flat
-
-if TYPE_CHECKING:
-    from twingap.gap.search.evidence import Evidence
-    from twingap.twins.simulator import Simulator
-
-Array = NDArray[np.float64]
 
 _FINALISTS: Final = 4
 """Initial values for which the mode is calibrated too. Each costs one calibration."""
@@ -46,17 +40,10 @@ _RECORDS: Final = 6
 
 
 class Initial(NamedTuple):
-    """Initial values of an effect.
-
-    Parameters
-    ----------
-    effect : Effect
-    read : bool
-        True for values read off the records; False for the estimate at a reduced strength.
-    """
+    """Initial values of an effect."""
 
     effect: Effect
-    read: bool
+    read: bool  # True for values read off the records; False for the estimate at a reduced strength
 
 
 def better_initial(
@@ -67,21 +54,10 @@ def better_initial(
     now: float,
     priors: Mapping[Key, Prior] = MappingProxyType({}),
 ) -> Initial | None:
-    """The effect at initial values with a smaller misfit than the given ones; None where there are none.
+    """The effect of this name at initial values with a smaller misfit than `now`, that of the given ones, or None.
 
-    Parameters
-    ----------
-    evidence : Evidence
-    effects : tuple of Effect
-        All effects added to the twin.
-    name : str
-        Effect whose initial values are sought.
-    features : Array [features]
-        Features of the fit part before the effect was added.
-    now : float
-        Misfit at the given values.
-    priors : Mapping[(effect, parameter), Prior], optional
-        Priors from the estimators; they penalise reduced strengths.
+    `effects` are all effects added to the twin, `features` [features] those of the fit part before the effect was
+    added. Priors, from the estimators, penalise reduced strengths.
     """
     (given,) = (effect for effect in effects if effect.name == name)
     others = tuple(effect for effect in effects if effect.name != name)
@@ -110,7 +86,7 @@ def better_initial(
         misfit = misfit_of(evidence.against(chain).simulator, chain)
         if not start.read or given.by_chance:
             numbers = {key: to_number(start.effect, key[1], evidence.setting) for key in priors}
-            misfit = math.sqrt(misfit**2 + penalty_weight(evidence.n_trial_records) * penalty(priors, numbers))
+            misfit = math.sqrt(misfit**2 + penalty_weight(len(evidence.trial_records)) * penalty(priors, numbers))
         if misfit < least:
             least, best = misfit, start
     return best
@@ -137,7 +113,7 @@ def _averaged_misfit(
     the scatter, and the mean of a few records is uncertain.
     """
     conditions = evidence.fit.conditions
-    grid = Grid.of(conditions, evidence.frame.bearing)
+    grid = evidence.grid(conditions)
 
     def made(simulator: Simulator, effects: tuple[Effect, ...]) -> list[FeatureVectors]:
         count = replicates_of(simulator, conditions, _MANY)
@@ -148,29 +124,15 @@ def _averaged_misfit(
 
 
 def observations(evidence: Evidence, features: Array) -> Observations:
-    """Observations from which effects propose initial values.
-
-    Parameters
-    ----------
-    evidence : Evidence
-    features : Array [features]
-        Features of the fit part, see `comparison.feature_names`.
-    """
+    """Observations from which effects propose initial values; `features` as in `comparison.feature_names`."""
     setting, own_mode = evidence.setting, _own_mode(evidence)
     faults = frozenset(str(c.fault) for c in evidence.fit.conditions) - {"healthy"}
     rate_hz = min(c.fs_hz for c in evidence.fit.conditions)
-
-    def mode_pairs() -> list[ModePair]:
-        return [
-            ModePair((pair.places[0] * rate_hz, pair.places[1] * rate_hz), pair.dampings, pair.gain)
-            for pair in two_modes(evidence.fit.summaries)
-        ]
-
     return Observations(
         features=dict(zip(feature_names(), (float(value) for value in features), strict=True)),
         bearing=evidence.frame.bearing, faults=faults, fs_hz=setting.fs_hz, begin_s=setting.begin_s,
         span_s=setting.span_s, speed_rpm=setting.speed_rpm, own_mode=own_mode,
-        healthy=lambda: _healthy_spectrum(evidence), mode_pairs=mode_pairs,
+        healthy=lambda: _healthy_spectrum(evidence), mode_pairs=lambda: two_modes(evidence.fit.summaries, rate_hz),
         spectrum_ratio=lambda: _spectrum_ratio(evidence),
     )  # fmt: skip
 

@@ -10,18 +10,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 import numpy as np
 from cmaes import SepCMA
 
 from twingap.effects import Effect
+from twingap.gap.search.evidence import Evidence
 from twingap.gap.search.optimise import ValueSearch
 from twingap.gap.search.parameter_prior import Key
 from twingap.twins.simulator import Simulator, TwinSimulator
-
-if TYPE_CHECKING:
-    from twingap.gap.search.evidence import Evidence
 
 _SIGMA: Final = 1.0
 """First standard deviation of candidates, in steps. A larger value reaches farther and settles later."""
@@ -36,23 +34,10 @@ def fitted_together(
     trials: int,
     progress: Callable[[float], None] = lambda part: None,
 ) -> tuple[Simulator, tuple[Effect, ...], float]:
-    """The twin at the values that a joint search finds closest to the trial records.
+    """The twin at the values that a joint search finds closest to the trial records, and its misfit.
 
-    Parameters
-    ----------
-    evidence : Evidence
-    simulator : Simulator
-    effects : sequence of Effect
-        Their values are the start.
-    trials : int
-        Largest number of simulations of the trial records.
-    progress : callable
-        Called with the completed part, 0 to 1.
-
-    Returns
-    -------
-    (Simulator, tuple of Effect, float)
-        With the misfit; the given ones where nothing is closer.
+    The search begins at the values of `effects` and takes at most `trials` simulations; where nothing is closer, the
+    given ones are returned.
     """
     search = ValueSearch(evidence, simulator, tuple(effects), trials, {}, 0.0)
     search.gather_effects(effects, {})

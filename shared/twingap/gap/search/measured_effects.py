@@ -18,11 +18,10 @@ import numpy as np
 from twingap.effects.registry import look_alikes, measured_from_spectra
 from twingap.effects.transfer_path import passed_by_all_samples
 from twingap.gap.distance.feature_vectors import FeatureVectors
-from twingap.gap.distance.grid import Grid
 from twingap.gap.distance.paired import Paired
 from twingap.gap.search import unlearnt
 from twingap.gap.search.effect_search import ALPHA_REST, Estimated, Explanation
-from twingap.gap.search.evidence import Compared, Evidence, replicates_of
+from twingap.gap.search.evidence import Compared, Evidence
 from twingap.gap.search.free_spectra import BACKGROUND, LINES, PATH, Chain, by_fault_or_all, measured
 from twingap.gap.search.optimise import validation_distance
 from twingap.gap.search.path_delays import with_delays
@@ -44,14 +43,7 @@ _REPLICATES: Final = 3
 
 
 def with_measured(evidence: Evidence, found: Explanation) -> Explanation:
-    """The explanation with those effects that are measured from spectra and named.
-
-    Parameters
-    ----------
-    evidence : Evidence
-    found : Explanation
-        Of effects with detectors.
-    """
+    """The explanation, of effects with detectors, with those effects that are measured from spectra and named."""
     # In the order of the catalogue: what the path explains is no background.
     names = [name for name in measured_from_spectra() if evidence.can_add(name) is None]
     if not found.gap or not names:
@@ -62,15 +54,10 @@ def with_measured(evidence: Evidence, found: Explanation) -> Explanation:
     left = validation_distance(evidence, found.after.simulator, found.after.effects)
     if left < _LEFT * bare:
         return found
-    real, conditions = evidence.held_out.vectors, evidence.held_out.conditions
-    grid = Grid.of(conditions, evidence.frame.bearing)
+    real = evidence.held_out.vectors
 
     def made(compared: Compared) -> list[FeatureVectors]:
-        count = replicates_of(compared.simulator, conditions, _REPLICATES)
-        return [
-            evidence.vectors(evidence.simulated(compared.simulator, compared.effects, conditions, 2 + k), grid)
-            for k in range(count)
-        ]
+        return evidence.held_out_replicates(compared.simulator, compared.effects, _REPLICATES)
 
     before = Paired(real, made(found.before))
     whole = float(before.over_domains(before.squares())[0][0])

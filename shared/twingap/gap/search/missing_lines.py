@@ -13,7 +13,6 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d
 from scipy.signal import find_peaks
 from scipy.stats import beta, norm
@@ -21,13 +20,12 @@ from scipy.stats import beta, norm
 from twingap.bearing import Bearing
 from twingap.effects import Effect, LineSpectrum
 from twingap.identification.calibrate import thinned
+from twingap.records import Array
 from twingap.signal.record_transforms import RecordTransforms
 from twingap.twins.simulator import Simulator
 
 if TYPE_CHECKING:
     from twingap.gap.search.evidence import Evidence
-
-Array = NDArray[np.float64]
 
 _LEVEL: Final = 0.01
 """Family-wise level of the test for lines. A larger value finds more lines, false ones among them."""
@@ -74,23 +72,10 @@ def missing_lines(
     fault: str = "",
     common: LineSpectrum | None = None,
 ) -> LineSpectrum:
-    """Lines of records of the fit part that the twin lacks.
+    """Lines that the twin lacks, in the records of this fault of the fit part, or in all ("").
 
-    Parameters
-    ----------
-    evidence : Evidence
-    simulator : Simulator
-    effects : sequence of Effect
-        Effects of the twin; lines among them are measured anew.
-    fault : str
-        Whose records: those of this fault, or all ("").
-    common : LineSpectrum, optional
-        Lines of all records, to which those of the fault are added.
-
-    Returns
-    -------
-    LineSpectrum
-        Amplitudes in multiples of the twin's reference RMS.
+    Lines among `effects` are measured anew. `common` are lines of all records, to which those of the fault are added.
+    Amplitudes are multiples of the twin's reference RMS.
     """
     others = tuple(effect for effect in effects if not isinstance(effect, LineSpectrum))
     fit = evidence.calibrated.fit
@@ -227,15 +212,9 @@ def _peaks(
 def _limit(heights: Array, records: int, bins: int, level: float) -> float:
     """Height over the floor that noise exceeds with this probability.
 
-    The power of noise is exponentially distributed over its median. Where the lowest heights are above those of noise,
-    as on a sloping floor, the limit is higher by as much; a spectrum full of lines does not raise it.
-
-    Parameters
-    ----------
-    heights : Array [places]
-        Quantile `_PART` over records of the largest log power over the floor of `bins` bins.
-    records, bins : int
-    level : float
+    `heights` [places] are quantiles `_PART` over records of the largest log power over the floor of some bins. The
+    power of noise is exponentially distributed over its median. Where the lowest heights are above those of noise, as
+    on a sloping floor, the limit is higher by as much; a spectrum full of lines does not raise it.
     """
     least = math.floor(_PART * (records - 1))  # records that may be lower
 
@@ -268,7 +247,7 @@ def _comb(record: RecordTransforms, bearing: Bearing) -> Array:
     order = orders[
         np.argmax(np.where(places < heights.size, heights[np.minimum(places, heights.size - 1)], 0).sum(axis=1))
     ]
-    aside = {"inner": 1.0, "ball": bearing.ftf}.get(str(record.condition.fault), 0.0)
+    aside = bearing.side_line_order(str(record.condition.fault)) or 0.0
     multiples = order * np.arange(1, int(heights.size / bins_per_order / order) + 2)
     sides = aside * np.arange(-_SIDE_LINES, _SIDE_LINES + 1)
     return np.unique(multiples[:, None] + sides)

@@ -10,20 +10,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from twingap.effects import Effect
+from twingap.gap.knowledge.learnt import Learnt
 from twingap.gap.search.effect_search import with_fitted_values
 from twingap.gap.search.evidence import THOROUGH, Evidence, simulator_of
 from twingap.gap.search.parameter_scale import coordinates
 from twingap.identification.calibrate import Prepared, calibrate_prepared
 from twingap.streams import root_entropy
 from twingap.twins.twin_file import TwinSpec
-
-if TYPE_CHECKING:
-    from twingap.effects import Effect
-    from twingap.gap.knowledge.learnt import Learnt
 
 
 def without_values(spec: TwinSpec) -> tuple[str, ...]:
@@ -35,21 +32,9 @@ def without_values(spec: TwinSpec) -> tuple[str, ...]:
 def completed(
     prepared: Prepared, spec: TwinSpec, rng: np.random.Generator, learnt: Learnt
 ) -> tuple[TwinSpec, tuple[str, ...]]:
-    """The twin with values for all its effects, and notes that name the estimated ones.
+    """The twin with values for all its effects, and notes for the report that name the estimated ones.
 
-    Parameters
-    ----------
-    prepared : Prepared
-        The records, split; only the fit part is used.
-    spec : TwinSpec
-    rng : numpy.random.Generator
-        A copy of the generator that is passed to the calibration.
-    learnt : Learnt
-
-    Returns
-    -------
-    TwinSpec, tuple of str
-        The twin, and the notes for the report.
+    Only the fit part of the records is used. `rng` is a copy of the generator that is passed to the calibration.
 
     Raises
     ------

@@ -14,24 +14,21 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, Final, cast
+from typing import Any, Final, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
 from twingap.effects import Effect, make_effect
 from twingap.effects.base import WEAKER
 from twingap.effects.by_state import ByState
 from twingap.errors import TwingapError
 from twingap.gap.distance.paired import Paired
-from twingap.gap.search.evidence import level_of
+from twingap.gap.search.evidence import Evidence, level_of
 from twingap.gap.search.parameter_prior import Key, Prior, penalty, penalty_weight
 from twingap.gap.search.parameter_scale import Setting, coordinates, to_effect, to_number
+from twingap.records import Array
 from twingap.twins.simulator import Simulator, TwinSimulator
 from twingap.twins.twin_file import all_parameters, flat
-
-if TYPE_CHECKING:
-    from twingap.gap.search.evidence import Evidence
 
 PASSES: Final = 3
 """Largest number of rounds, each with steps of single values and of all values together. More rounds take longer."""
@@ -65,25 +62,14 @@ _SETTLED: Final = 0.985
 _OTHERS: Final = (5, 6, 7)
 """Replicates for validation: no value is fitted to them."""
 
-Array = NDArray[np.float64]
-
 
 @dataclass(frozen=True)
 class Optimised:
-    """Result of an optimisation.
+    """Result of an optimisation."""
 
-    Parameters
-    ----------
-    simulator : Simulator
-        Simulator with the optimised values of its effects and its baseline.
-    effects : tuple of Effect
-    before, misfit : float
-        Objective on the fit part at the start and at the end, penalties included.
-    """
-
-    simulator: Simulator
+    simulator: Simulator  # with the optimised values of its effects and its baseline
     effects: tuple[Effect, ...]
-    before: float
+    before: float  # objective on the fit part at the start and at the end, penalties included
     misfit: float
 
 
@@ -101,24 +87,11 @@ def optimise(
 ) -> Optimised:
     """Optimise values on the fit part; the result is kept if it also holds with other random streams.
 
-    Parameters
-    ----------
-    evidence : Evidence
-    simulator : Simulator
-        A simulator that has these effects, or can add them.
-    effects : sequence of Effect
-    errors : Mapping[(effect, parameter), float]
-        Errors of estimates, on the scale of `parameter_scale`; they set the first steps.
-    moved : sequence of str, optional
-        Effects whose values are optimised; None for all.
-    baseline : bool
-        Whether the twin's own levels, mode and impacts are optimised too, except those fixed by the twin file.
-    passes : int
-        Largest number of rounds.
-    priors : Mapping[(effect, parameter), Prior], optional
-        Priors of values; values without a prior are free. Calibrated baseline parameters always have one.
-    prior_weight : float
-        Factor on all penalties; larger where effects may be missing for which values must not compensate.
+    `errors` of estimates, on the scale of `parameter_scale`, set the first steps. In at most `passes` rounds, values of
+    the effects in `moved` (None: of all) are optimised and, with `baseline`, the twin's own levels, mode and impacts,
+    except those fixed by the twin file. Values without one of the `priors` are free; calibrated baseline parameters
+    always have one. `prior_weight`, a factor on all penalties, is larger where effects may be missing for which values
+    must not compensate.
     """
     search = ValueSearch(evidence, simulator, tuple(effects), evidence.trials, dict(priors), prior_weight)
     search.gather_effects([e for e in effects if moved is None or e.name in moved], errors)
@@ -162,20 +135,10 @@ def not_farther(
     priors: Mapping[Key, Prior] = MappingProxyType({}),
     prior_weight: float = 1.0,
 ) -> Optimised:
-    """The optimised twin, or a closer one where its distance is larger than that of the twin without the effects.
+    """The optimised twin, or a closer one where its distance is larger than that of `bare`, without the effects.
 
     In that case the search ended in the wrong local minimum. A second search begins at the twin without the effects,
-    with a small strength of each, and the closer of both results is kept.
-
-    Parameters
-    ----------
-    evidence : Evidence
-    found : Optimised
-        Result with the effects.
-    bare : Optimised
-        Result without them.
-    errors, priors, prior_weight
-        See `optimise`.
+    with a small strength of each, and the closer of both results is kept. Other arguments as for `optimise`.
     """
     without = validation_distance(evidence, bare.simulator, ())
     if validation_distance(evidence, found.simulator, found.effects) <= without:
@@ -241,7 +204,7 @@ class ValueSearch:
     @cached_property
     def penalty_weight(self) -> float:
         """Weight of the penalties, see `parameter_prior.penalty_weight`."""
-        return self.prior_weight * penalty_weight(self.evidence.n_trial_records)
+        return self.prior_weight * penalty_weight(len(self.evidence.trial_records))
 
     def gather_effects(self, effects: Sequence[Effect], errors: Mapping[Key, float]) -> None:
         """Add the parameters of effects as numbers, with first steps and plausible ranges."""

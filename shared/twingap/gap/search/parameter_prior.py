@@ -29,18 +29,10 @@ Key = tuple[str, str]
 
 
 class Prior(NamedTuple):
-    """Prior of one value, from its estimate.
+    """Prior of one value, from its estimate."""
 
-    Parameters
-    ----------
-    number : float
-        The estimate, on the scale of `parameter_scale`.
-    within : float
-        Bound on the error of nine of ten such estimates, on the same scale.
-    """
-
-    number: float
-    within: float
+    number: float  # the estimate, on the scale of `parameter_scale`
+    within: float  # bound on the error of nine of ten such estimates, on the same scale
 
     @property
     def spread(self) -> float:
@@ -63,11 +55,5 @@ def penalty(priors: Mapping[Key, Prior], at: Mapping[Key, float]) -> float:
 
 
 def penalty_weight(records: int) -> float:
-    """Weight of a penalty relative to a squared distance.
-
-    Parameters
-    ----------
-    records : int
-        Number of records of the distance; the noise of its means decreases with it.
-    """
+    """Weight of a penalty relative to a squared distance; the noise of its means decreases with more records."""
     return 1 / (BINS * max(records, 1))

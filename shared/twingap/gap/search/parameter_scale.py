@@ -27,21 +27,12 @@ _LARGEST_LOG: Final = 60.0
 
 @dataclass(frozen=True)
 class Setting:
-    """Sampling rate, run and speed of a set of records: the reference of comparable numbers.
-
-    Parameters
-    ----------
-    fs_hz : float
-    begin_s, span_s : float
-        Begin and duration of the run, s; the duration is 1 where there is no run.
-    speed_rpm : float
-        Median speed.
-    """
+    """Sampling rate, run and speed of a set of records: the reference of comparable numbers."""
 
     fs_hz: float
-    begin_s: float
+    begin_s: float  # begin and duration of the run, s; the duration is 1 where there is no run
     span_s: float
-    speed_rpm: float
+    speed_rpm: float  # median speed
 
     @classmethod
     def of(cls, conditions: Sequence[Condition]) -> Setting:
@@ -68,28 +59,14 @@ def _coordinates(effects: tuple[tuple[str, type[Effect]], ...]) -> tuple[tuple[s
 
 
 def to_number(effect: Effect, parameter: str, setting: Setting) -> float:
-    """The parameter's value as a comparable number.
-
-    Returns
-    -------
-    float
-        Logarithm of the relative value for parameters with a log scale.
-    """
+    """The parameter's value as a comparable number; its logarithm for parameters with a log scale."""
     field = _field(type(effect), parameter)
     value = float(getattr(effect, parameter)) / _unit(field, setting) - _origin(field, setting)
     return math.log(max(value, 1e-12)) if field.metadata["log_estimate"] else value
 
 
 def to_effect(name: str, numbers: Mapping[str, float], setting: Setting) -> Effect:
-    """The effect at these numbers, each clipped to its allowed range.
-
-    Parameters
-    ----------
-    name : str
-    numbers : Mapping[str, float]
-        Comparable numbers by parameter; parameters without one have their defaults.
-    setting : Setting
-    """
+    """The effect at these comparable numbers, each clipped to its allowed range; others have their defaults."""
     kind, values = catalogue()[name], dict[str, float]()
     for field in kind.parameters():
         if field.metadata["relative_to"] == "speed":
@@ -103,16 +80,7 @@ def to_effect(name: str, numbers: Mapping[str, float], setting: Setting) -> Effe
 
 
 def with_errors(effect: Effect, error: float, setting: Setting, rng: np.random.Generator) -> Effect:
-    """The effect at values with random errors, as estimates have them.
-
-    Parameters
-    ----------
-    effect : Effect
-    error : float
-        Standard deviation of numbers, see `to_number`.
-    setting : Setting
-    rng : numpy.random.Generator
-    """
+    """The effect at values with random errors, as estimates have them, of this standard deviation (see `to_number`)."""
     numbers = {}
     for field in effect.parameters():
         if _estimated(field):

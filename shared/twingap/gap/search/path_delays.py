@@ -9,18 +9,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 from twingap.effects import Effect, TransferPath
 from twingap.effects.by_state import ByState, by_state
 from twingap.effects.transfer_path import delay_spread_s
-from twingap.gap.search.free_spectra import PATH
+from twingap.gap.search.evidence import Evidence
+from twingap.gap.search.free_spectra import PATH, Chain
 from twingap.twins.simulator import Simulator
-
-if TYPE_CHECKING:
-    from twingap.gap.search.evidence import Evidence
-
-Chain = tuple[Effect, ...]
 
 SPREADS_S: Final = (0.0, 0.001, 0.003, 0.009)
 """Spreads that are tried. More of them take a simulation of the trial records each."""
@@ -31,15 +27,8 @@ _CLEARLY: Final = 0.98
 
 
 def with_delays(evidence: Evidence, simulator: Simulator, effects: Sequence[Effect]) -> tuple[Simulator, Chain]:
-    """The twin with the spread of its path's delays that brings it closest to the trial records.
-
-    Parameters
-    ----------
-    evidence : Evidence
-    simulator : Simulator
-    effects : sequence of Effect
-        Without a path, nothing changes.
-    """
+    """The twin with that spread of its path's delays that brings it closest to the trial records; as given without a
+    path."""
     best = tuple(effects)
     path = next((effect for effect in best if effect.name == PATH), None)
     if path is None:

@@ -8,35 +8,20 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import permutation_test
 
-from twingap.gap.distance.paired import Paired
-
-Array = NDArray[np.float64]
+from twingap.gap.distance.paired import Paired, compressed
+from twingap.records import Array
 
 _DRAWS: Final = 9999
 """Largest number of sign flips of a test. A larger number resolves smaller p-values."""
-_LARGE: Final = 16.0
-"""Squared deviation, in variances, above which it grows logarithmically. A larger value lets a single bin decide."""
 
 
 def p_of_gain(before: Paired, after: Paired, root: int) -> float:
-    """P-value of records being no closer to a second twin than to a first one.
+    """P-value of records being no closer to a second twin than to a first one; 1 where there are fewer than two groups.
 
-    Signs of the differences in squared distance are flipped group by group.
-
-    Parameters
-    ----------
-    before, after : Paired
-        The same records with replicates of either twin, on one scale.
-    root : int
-        Entropy of the flips.
-
-    Returns
-    -------
-    float
-        1 where there are fewer than two groups.
+    Both pairs are of the same records, on one scale. Signs of the differences in squared distance are flipped group by
+    group; `root` is the entropy of the flips.
     """
     gain = squared_distances(before) - squared_distances(after)
     groups = np.array([c.group or c.name for c in before.conditions])
@@ -52,6 +37,4 @@ def p_of_gain(before: Paired, after: Paired, root: int) -> float:
 
 def squared_distances(pair: Paired) -> Array:
     """[records] Squared distance of each record from the mean of its simulations, over all domains."""
-    squares = (pair.difference / pair.scale) ** 2
-    tempered = np.where(squares > _LARGE, _LARGE * (1 + np.log(np.maximum(squares, _LARGE) / _LARGE)), squares)
-    return np.asarray(tempered @ pair.real.weight)
+    return np.asarray(compressed((pair.difference / pair.scale) ** 2) @ pair.real.weight)

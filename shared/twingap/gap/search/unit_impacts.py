@@ -10,20 +10,16 @@ strike. All units are simulated at a strength at once, since none of them depend
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 import numpy as np
 
 from twingap.effects import Effect, Stage, catalogue, make_effect
 from twingap.effects.by_state import ByState, State, by_state, unit_of
-from twingap.gap.search.free_spectra import BACKGROUND, PATH, measured
+from twingap.gap.search.evidence import Evidence
+from twingap.gap.search.free_spectra import BACKGROUND, PATH, Chain, measured
 from twingap.gap.search.sign_flips import squared_distances
 from twingap.twins.simulator import Simulator
-
-if TYPE_CHECKING:
-    from twingap.gap.search.evidence import Evidence
-
-Chain = tuple[Effect, ...]
 
 _STRENGTHS: Final = 4
 """Strengths of each effect that are tried. More fit closer and take longer."""
@@ -39,29 +35,17 @@ def with_impacts_by_unit(
 ) -> tuple[Simulator, Chain]:
     """The twin with effects on impacts at strengths of each unit's own, where they bring its records closer.
 
-    Parameters
-    ----------
-    evidence : Evidence
-    simulator : Simulator
-    effects : sequence of Effect
-        Effects of the twin, with path and background by unit.
-    names : sequence of str
-        Effects on impacts that may be added, or get values by unit where the twin has them.
-
-    Returns
-    -------
-    (Simulator, tuple of Effect)
-        As given where no unit's records are clearly closer.
+    The twin has path and background by unit. Effects of these `names` may be added, or get values by unit where the
+    twin has them. It is as given where no unit's records are clearly closer.
     """
     chain = tuple(effects)
     spectra = [effect.name for effect in chain if effect.name in (PATH, BACKGROUND)]
 
-    def measured_anew(tried: Chain, rounds: int) -> tuple[Simulator, Chain]:
-        return measured(evidence, simulator, tried, spectra, rounds, by="unit") or (simulator, tried)
-
     def both(tried: Chain, rounds: int = 1) -> Iterator[tuple[tuple[Simulator, Chain], dict[State, float]]]:
         """The twin with its spectra as they are, and measured anew, with the distance of each unit."""
-        for made in ((simulator, tried), measured_anew(tried, rounds)):
+        as_they_are = simulator, tried
+        anew = measured(evidence, *as_they_are, spectra, rounds, by="unit")
+        for made in (as_they_are, anew or as_they_are):
             yield made, _by_unit(evidence, *made)
 
     for name in names:

@@ -13,23 +13,19 @@ from collections.abc import Iterable, Iterator, Sequence
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.signal import find_peaks
 from scipy.stats import qmc
 
 from twingap.effects import Effect, catalogue
-from twingap.gap.distance.grid import Grid
 from twingap.gap.distance.paired import Paired
-from twingap.gap.search.evidence import Evidence, replicates_of
+from twingap.gap.search.evidence import Evidence
 from twingap.gap.search.initial_values import observations
 from twingap.gap.search.optimise import optimise
 from twingap.gap.search.sign_flips import p_of_gain
 from twingap.identification.calibrate import thinned
-from twingap.records import Record
+from twingap.records import Array, Record
 from twingap.signal import power_spectral_density
 from twingap.twins.simulator import Simulator
-
-Array = NDArray[np.float64]
 
 LEVEL: Final = 0.02
 """Level at which an effect is named, divided by the number of tested effects. A larger value names more of them."""
@@ -52,14 +48,7 @@ Chain = tuple[Effect, ...]
 def fitted(evidence: Evidence, name: str, features: Array, others: Sequence[Effect] = ()) -> Effect | None:
     """The effect at the values that bring the twin closest to the fit part; None where no value acts on the records.
 
-    Parameters
-    ----------
-    evidence : Evidence
-    name : str
-    features : Array [features]
-        Features of the fit part, without the effect.
-    others : sequence of Effect
-        Effects already added to the twin.
+    `features` [features] are those of the fit part without the effect, `others` the effects already added to the twin.
     """
     others, tried = tuple(others), dict[Effect, float]()
 
@@ -81,31 +70,16 @@ def fitted(evidence: Evidence, name: str, features: Array, others: Sequence[Effe
 
 
 def p_value(evidence: Evidence, chain: Chain, without: Chain) -> float:
-    """P-value of held-out records being no closer to the twin with one set of effects than with another.
+    """P-value (`p_of_gain`) of held-out records being no closer to the twin with `chain` than with the effects
+    `without`.
 
-    Signs of the differences in squared distance are flipped group by group. An absent effect, at values fitted to other
-    records, increases distances on average.
-
-    Parameters
-    ----------
-    evidence : Evidence
-    chain, without : tuple of Effect
-        Sets of effects with values from the fit part.
-
-    Returns
-    -------
-    float
-        1 where there are fewer than two groups.
+    Values are those of the fit part: an absent effect, at values fitted to other records, increases distances on
+    average.
     """
-    part = evidence.calibrated.held_out
-    grid = Grid.of(part.conditions, evidence.frame.bearing)
-    real = evidence.vectors(part, grid)
 
     def pair(effects: Chain, scale: Array | None) -> Paired:
-        simulator = evidence.against(effects).simulator
-        count = replicates_of(simulator, part.conditions, _REPLICATES)
-        made = [evidence.simulated(simulator, effects, part.conditions, 2 + k) for k in range(count)]
-        return Paired(real, [evidence.vectors(records, grid) for records in made], scale)
+        made = evidence.held_out_replicates(evidence.against(effects).simulator, effects, _REPLICATES)
+        return Paired(evidence.held_out.vectors, made, scale)
 
     before = pair(without, None)
     return p_of_gain(before, pair(chain, before.scale), evidence.root)
@@ -139,8 +113,7 @@ def _places(evidence: Evidence, name: str, features: Array) -> Iterator[Effect]:
 
 
 def _at_peaks(effects: Sequence[Effect], peaks_hz: Sequence[float]) -> Iterator[Effect]:
-    """The effects with each frequency moved to peaks of the spectrum's excess, where a minimum is as narrow as a
-    line."""
+    """The effects with each frequency moved to peaks of the excess, where a minimum is as narrow as a line."""
     for effect in effects:
         for field in effect.parameters():
             low, high = field.metadata["plausible"]

@@ -30,11 +30,6 @@ def with_shorter_intervals(evidence: Evidence, found: Explanation) -> Explanatio
 
     Other values stay as fitted while one is moved, so that a value for which others can compensate keeps its interval
     only in part; `FARTHER` allows for that.
-
-    Parameters
-    ----------
-    evidence : Evidence
-    found : Explanation
     """
     if not found.gap or not found.after.effects:
         return found

@@ -8,7 +8,7 @@ import pytest
 
 from tests.twingap.gap.conftest import MakeReport
 from twingap.cli.gap import _print
-from twingap.gap.report.advice import contradictions, next_steps, place_words, warnings
+from twingap.gap.report.advice import contradictions, next_steps, only_together, place_words, warnings
 from twingap.gap.report.formats import number, value
 from twingap.gap.report.model import REFERENCE, Curve, GapReport, Metric, ParameterValue, Place, TwoSampleTest
 from twingap.gap.report.page import page
@@ -16,7 +16,6 @@ from twingap.gap.report.sections import calibration, confidence
 from twingap.gap.report.sections.headline import headline
 from twingap.gap.report.sections.parts import Table
 from twingap.gap.report.sections.places import places_table
-from twingap.gap.report.together import only_together
 
 
 def test_orders_that_the_added_effect_made_are_not_looked_for_in_the_machine(make_report: MakeReport) -> None:

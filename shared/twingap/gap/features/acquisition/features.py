@@ -47,7 +47,7 @@ def measure(record: RecordTransforms) -> dict[str, float]:
     begins = np.flatnonzero(np.concatenate(([True], np.abs(np.diff(x)) > same)))
     lengths = np.diff(np.append(begins, x.size))
     runs = x[begins]
-    step, misfit, distinct = grid(runs, span, same)
+    step, misfit, distinct = grid(runs, same)
     gridded = misfit < 0.1 and step > 0
     out["grid_misfit"] = misfit
     out["grid_step_log"] = math.log10(max(step / scale, FINEST) if gridded else FINEST)
@@ -59,7 +59,7 @@ def measure(record: RecordTransforms) -> dict[str, float]:
     return out
 
 
-def grid(values: Array, span: float, same: float) -> tuple[float, float, int]:
+def grid(values: Array, same: float) -> tuple[float, float, int]:
     """Step of the grid that values lie on; rms distance of the values' differences from integer multiples of it, in
     steps (0.29 where there is no grid); number of distinct values, those closer than `same` being one."""
     ordered = np.sort(values)

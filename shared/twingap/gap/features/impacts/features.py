@@ -182,17 +182,18 @@ def _strengths(record: RecordTransforms, seen: impacts.Impacts, rate: float, out
         return
     relative = strength / mean
     noise = 0.5 * seen.noise / mean**2
-    per_shaft, per_cage, zone = _orders(record)
+    bearing, fault = record.bearing, str(record.condition.fault)
+    turns, order = {"shaft": 1.0, "cage": bearing.ftf}, bearing.fault_order(fault)
     columns = [np.ones_like(relative)]
     found: dict[str, float] = {}
     slots: dict[str, int] = {}
     # The cage's rate per pass is all but fixed; the shaft's moves with slip by up to a few per cent.
-    for name, per_pass, width in (("shaft", per_shaft, 0.03), ("cage", per_cage, 0.03)):
+    for name, of_shaft in turns.items():
+        per_pass = of_shaft / order
         if not per_pass < 0.45:
             continue  # above the Nyquist rate of passes
         slots[name] = len(columns)
-        fixed = name == "cage" and str(record.condition.fault) == "outer"
-        place, columns_here = _line(relative, number, per_pass, 0.0 if fixed else width)
+        place, columns_here = _line(relative, number, per_pass, 0.0 if (name, fault) == ("cage", "outer") else 0.03)
         found[name] = place
         columns += columns_here
     design = np.stack(columns, axis=1)
@@ -210,10 +211,10 @@ def _strengths(record: RecordTransforms, seen: impacts.Impacts, rate: float, out
         # Noise and scatter add to two coefficients, the more where the line was searched.
         out[f"{name}_depth"] = float(np.sqrt(max(depth**2 - 5 * variance / relative.size, 0.0)))
         out[f"{name}_line_log"] = 0.5 * float(np.log(square + _STRENGTH_FLOOR**2))
+        if turns[name] == bearing.side_line_order(fault):  # at this rate a load zone modulates the defect
+            out["zone_depth"] = out[f"{name}_depth"]
         if name == "shaft" and square > 30 * variance / relative.size:
             out["shaft_log_ratio"] = float(np.log(found[name] * rate / record.shaft_hz))
-    if zone in slots:
-        out["zone_depth"] = out[f"{zone}_depth"]
     clean = max(variance - noise, 0.0)
     out["scatter_sigma"] = float(np.sqrt(clean))
     out["scatter_log"] = 0.5 * float(np.log(clean + _STRENGTH_FLOOR**2))
@@ -222,14 +223,6 @@ def _strengths(record: RecordTransforms, seen: impacts.Impacts, rate: float, out
     out["strength_skew"] = float(np.cbrt(np.mean(deviation**3)))
     out["strength_kurtosis"] = float(np.log(max(float(np.mean(deviation**4)), 1e-3) / 3))
     out["strength_neighbours"] = float(np.mean(deviation[1:] * deviation[:-1]))
-
-
-def _orders(record: RecordTransforms) -> tuple[float, float, str | None]:
-    """Shaft and cage turns per pass, and the one of the two at whose rate a load zone modulates this defect."""
-    bearing, fault = record.bearing, str(record.condition.fault)
-    order = bearing.fault_order(fault)
-    zone = {"inner": "shaft", "ball": "cage"}.get(fault)
-    return 1.0 / order, bearing.ftf / order, zone
 
 
 def _line(values: Array, number: Array, per_pass: float, width: float) -> tuple[float, list[Array]]:

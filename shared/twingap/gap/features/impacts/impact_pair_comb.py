@@ -66,13 +66,8 @@ def compare(
     the other; `arc_log` ln deg, `ratio` signed. `smooth_path_gain` ln(1 + log likelihood ratio) of the best comb where
     the path may be any smooth curve, `smooth_path_ratio` its ratio.
 
-    Parameters
-    ----------
-    real, simulated : sequence of ImpactSpectrum
-        Of all records.
-    noise : Array [impulse_response.PLACES], optional
-        ln of the measured over the simulated spectrum of noise, which passes the same path: what the ratio of impacts
-        shares with it is taken out.
+    `noise` [impulse_response.PLACES] is ln of the measured over the simulated spectrum of noise, which passes the same
+    path: what the ratio of impacts shares with it is taken out.
     """
     out = dict.fromkeys(NAMES, math.nan)
     faults = sorted({s.fault for s in real} & {s.fault for s in simulated})

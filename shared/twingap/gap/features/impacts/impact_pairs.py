@@ -21,8 +21,6 @@ from twingap.gap.features.impacts.impacts import PHASES, Impacts
 from twingap.records import Array
 from twingap.signal.record_transforms import RecordTransforms, mean_of_five, medians, taper
 
-Complex = NDArray[np.complex128]
-
 FINEST_SAMPLES: Final = 2.0
 """Shortest delay that is searched, samples; below it, two impacts cannot be distinguished from one."""
 UPSAMPLE: Final = 4
@@ -67,16 +65,11 @@ def measure_second_impact(record: RecordTransforms, seen: Impacts, rate_hz: floa
 
 
 def mean_waveform(x: Array, seen: Impacts, fs_hz: float, spacing: float) -> tuple[Array | None, Array, Array]:
-    """Mean waveform of all impacts, each weighted by its strength and aligned to a fraction of a sample.
+    """Mean waveform [length] of all impacts, each weighted by its strength and aligned to a fraction of a sample, or
+    None.
 
-    Returns
-    -------
-    Array [length] or None
-        Beginning `LEAD` of its length before the impact.
-    Array [length // 2 + 1]
-        Variance that the noise leaves in its spectrum.
-    Array [length // 2 + 1]
-        Attenuation by errors of alignment, 0 to 1.
+    It begins `LEAD` of its length before the impact. With it, both [length // 2 + 1], the variance that the noise
+    leaves in its spectrum, and the attenuation by errors of alignment, 0 to 1.
     """
     length = int(np.clip(1.04 * spacing, 24, 1024)) // 2 * 2
     long = length + 2 * EDGE
@@ -105,23 +98,11 @@ def mean_waveform(x: Array, seen: Impacts, fs_hz: float, spacing: float) -> tupl
 def two_pulses(
     waveform: Array, noise: Array, blur: Array, shortest: float, longest: float
 ) -> tuple[float, float, float] | None:
-    """Fit one pulse and two pulses through the waveform's own poles.
+    """Fit one pulse and two pulses through the waveform's own poles; None where there is no fit.
 
-    Parameters
-    ----------
-    waveform : Array [length]
-    noise : Array [length // 2 + 1]
-        Variance of its spectrum.
-    blur : Array [length // 2 + 1]
-        Attenuation by errors of alignment, 0 to 1.
-    shortest, longest : float
-        Delays that are searched, samples.
-
-    Returns
-    -------
-    (float, float, float) or None
-        Log of the misfit of one pulse over that of two, negative where one fits better; delay in samples; second pulse
-        over first.
+    Waveform [length], `noise` and `blur` are as from `mean_waveform`; delays from `shortest` to `longest`, samples, are
+    searched. Returns the log of the misfit of one pulse over that of two, negative where one fits better; the delay in
+    samples; and second pulse over first.
     """
     n = waveform.size
     poles = _predictor(waveform, int(LEAD * n))

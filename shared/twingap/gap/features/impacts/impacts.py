@@ -17,11 +17,9 @@ import numpy as np
 import scipy.fft
 from numpy.typing import NDArray
 
-from twingap.gap.features.impacts.envelope_comb import BandSignal, Track
+from twingap.gap.features.impacts.envelope_comb import BandSignal, Complex, Track
 from twingap.records import Array
 from twingap.signal.record_transforms import medians
-
-Complex = NDArray[np.complex128]
 
 PHASES: Final = 96
 """Bins of a pass in the mean cycle."""

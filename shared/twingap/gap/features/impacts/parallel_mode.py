@@ -33,16 +33,10 @@ _CANCELLED: Final = 1e-3
 
 
 class Path:
-    """Effect of one more mode on spectra.
+    """Effect of one more mode on spectra of noise and of records with impacts.
 
-    Parameters
-    ----------
-    spectra : sequence of Array [bands]
-        Each from 0 to half the sampling rate: of noise, of records with impacts.
-    white : sequence of float
-        Power density of the white noise in each, in its unit.
-    known : sequence of bool
-        Whether there are records of each.
+    Each spectrum [bands] is from 0 to half the sampling rate; `white` is the power density of the white noise in it,
+    and `known` whether there are such records.
     """
 
     def __init__(self, spectra: Sequence[Array], white: Sequence[float], known: Sequence[bool]) -> None:

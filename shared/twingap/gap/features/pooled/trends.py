@@ -146,22 +146,12 @@ def _trend(
 
 
 def slope(x: Array, y: Array, kinds: NDArray[np.str_], usual: float = 0.0) -> tuple[Array, Array]:
-    """Least-squares slope over x within kinds of records.
+    """[features] Least-squares slope of y [records, features] over x [records] within kinds, and its t as a normal
+    deviate.
 
-    Parameters
-    ----------
-    x : Array [records]
-    y : Array [records, features]
-    kinds : Array [records]
-        Fault of each record; each fault has its own mean.
-    usual : float
-        Prior scatter of y with `_KNOWN` degrees of freedom (Smyth 2004, doi:10.2202/1544-6115.1027), so that few
-        records on a line by chance do not give an exact slope; 0 for none.
-
-    Returns
-    -------
-    Array [features], Array [features]
-        Slope, and Student's t as a normal deviate; NaN with too few records.
+    Each kind [records] of record, its fault, has its own mean. `usual` is a prior scatter of y with `_KNOWN` degrees of
+    freedom (Smyth 2004, doi:10.2202/1544-6115.1027), so that few records on a line by chance do not give an exact
+    slope; 0 for none. NaN with too few records.
     """
     nothing = np.full(y.shape[1], np.nan)
     known = np.isfinite(x)

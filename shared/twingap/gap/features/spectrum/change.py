@@ -75,17 +75,13 @@ def compare(
 ) -> dict[str, float]:
     """`NAMES` -> value of fits of single changes of the simulated spectra to the measured ones; NaN without pairs.
 
+    Summaries are of the same conditions, in the same order; with `same_sampling` the response is sampled alike on both
+    sides, as where the user's simulator is of this machine.
+
     `base_cost`: log misfit per band with levels and sampling alone; `best_cost`: with the best change; `tilt`,
     `continuous`: difference in the sampling of the response. Gains are ln(1 + reduction of the misfit), leads a gain
     less that of the best rival. Frequencies are logarithms of parts of the sampling rate, heights natural logarithms of
     a power ratio. `_noise` and `_impacts`: change of the noise spectrum, and of the spectrum of records with impacts.
-
-    Parameters
-    ----------
-    real, simulated : sequence of RecordSummary
-        Of the same conditions, in the same order.
-    same_sampling : bool
-        Whether the response is sampled alike on both sides, as where the user's simulator is of this machine.
     """
     out = dict.fromkeys(NAMES, math.nan)
     pairs = _Pairs.of(real, simulated, same_sampling)
@@ -183,8 +179,8 @@ class _Pairs:
         return float(np.clip(self.f[noise][np.argmax(self.base[noise])], 0.01, 0.49))
 
     def settled(self, *, tilted: bool) -> tuple[float, Array]:
-        """Misfit once levels and small errors of calibration (with `tilted`, sampling too) are fitted, and [basis]
-        their values."""
+        """Misfit with levels and small errors of calibration (with `tilted`, sampling too) fitted, and [basis] the
+        values."""
         settled = self.open if tilted else np.where(_OF_SAMPLING, _CERTAIN, self.open)
         costs, best = _costs(np.zeros((1, BANDS)), self.ratio * self.weight, self.weight, self.basis, settled)
         return float(costs[0]), best[0]

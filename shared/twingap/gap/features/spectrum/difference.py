@@ -8,18 +8,20 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from functools import lru_cache
+from functools import cache
 from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from twingap._compiled import njit
-from twingap.gap.features.spectrum.record_summary import SmoothSpectrum, log_bands
+from twingap.gap.features.spectrum.record_summary import RecordSummary, log_bands
 from twingap.gap.features.spectrum.smooth_shape import bump, mode_shape, slope_of
 from twingap.records import Array
 from twingap.signal.record_transforms import medians
 
+_POINTS: Final = 128
+"""Bands that curves are held in: more resolve sharper modes, each with more noise."""
 # Grids of the fitted shapes: finer ones explain a little more of a difference, and take longer.
 _CENTRES, _DAMPINGS, _GAINS = np.geomspace(0.015, 0.48, 40), np.geomspace(0.01, 0.2, 5), np.geomspace(0.03, 100, 10)
 _CORNERS, _ORDERS = np.geomspace(0.02, 0.8, 40), np.arange(1, 7)
@@ -38,24 +40,17 @@ NAMES: Final = (*(f"{of}_{what}" for of in _SETS for what in _OF_SET), "added_le
 """Keys of `compare`."""
 
 
-def compare(real: Sequence[SmoothSpectrum], simulated: Sequence[SmoothSpectrum], points: int = 128) -> dict[str, float]:
+def compare(real: Sequence[RecordSummary], simulated: Sequence[RecordSummary]) -> dict[str, float]:
     """`NAMES` -> value: shape of the difference of mean log smooth spectra, real less simulated.
 
     Once for healthy, for faulty and for all records: rms, mean and the means of thirds of the curve in log10 of power;
     highest and lowest place; and three models, each with its share of the curve explained (1 all) and its parameters:
     one more mode (added in proportion to the simulated level), a Butterworth roll-off before the white noise, and added
     noise of a power law in a band. Sampling rates may differ between records: frequencies are over them.
-
-    Parameters
-    ----------
-    real, simulated : sequence of SmoothSpectrum
-        Of comparable conditions.
-    points : int
-        Bands that curves are held in.
     """
     out = dict.fromkeys(NAMES, math.nan)
     for of in _SETS:
-        curves = [_mean_log(records, of, points) for records in (real, simulated)]
+        curves = [_mean_log(records, of) for records in (real, simulated)]
         if curves[0] is not None and curves[1] is not None:
             for what, value in _difference(curves[0], curves[1]).items():
                 out[f"{of}_{what}"] = value if math.isfinite(value) else math.nan
@@ -64,17 +59,17 @@ def compare(real: Sequence[SmoothSpectrum], simulated: Sequence[SmoothSpectrum],
     return out
 
 
-def _mean_log(records: Sequence[SmoothSpectrum], of: str, points: int) -> Array | None:
-    """[points] Mean over records of ln of density times fs / scale^2."""
+def _mean_log(records: Sequence[RecordSummary], of: str) -> Array | None:
+    """[_POINTS] Mean over records of ln of density times fs / scale^2."""
     own = [record for record in records if of == "all" or (record.condition.fault == "healthy") == (of == "healthy")]
     if not own:
         return None
-    return np.asarray(np.mean([log_bands(record, points) for record in own], axis=0))
+    return np.asarray(np.mean([log_bands(record, _POINTS) for record in own], axis=0))
 
 
 def _difference(real: Array, simulated: Array) -> dict[str, float]:
     """Features of one pair of mean log spectra."""
-    f = (np.arange(real.size) + 0.5) / (2 * real.size)
+    f = _frequencies()
     curve = real - simulated
     ten = curve / math.log(10)
     third = real.size // 3
@@ -91,7 +86,7 @@ def _difference(real: Array, simulated: Array) -> dict[str, float]:
     out |= {"bump": height, "bump_fs": float(f[place]), "bump_width": width / real.size}
     depth, place, _ = bump(-wide)
     out |= {"dip": depth, "dip_fs": float(f[place])}
-    power, shapes = np.exp(simulated), _shapes(real.size)
+    power, shapes = np.exp(simulated), _shapes()
     total = float((curve**2).mean()) + 1e-4
 
     def share_of(left: float) -> float:
@@ -132,6 +127,11 @@ def _difference(real: Array, simulated: Array) -> dict[str, float]:
     return out
 
 
+def _frequencies() -> Array:
+    """[_POINTS] Middles of the bands, parts of the sampling rate."""
+    return (np.arange(_POINTS) + 0.5) / (2 * _POINTS)
+
+
 class _Shapes(NamedTuple):
     """Shapes that every pair of spectra is fitted with.
 
@@ -151,21 +151,20 @@ class _Shapes(NamedTuple):
     log_mean: Array
 
 
-@lru_cache(maxsize=4)
-def _shapes(points: int) -> _Shapes:
-    f = (np.arange(points) + 0.5) / (2 * points)
+@cache
+def _shapes() -> _Shapes:
+    f = _frequencies()
     centre, damping = np.repeat(_CENTRES, _DAMPINGS.size), np.tile(_DAMPINGS, _CENTRES.size)
     rolloff = 1 / (1 + (f / _CORNERS[:, None, None]) ** (2 * _ORDERS[:, None]))
-    edges = _EDGES * points // 128
-    bands = np.array([(low, high) for i, low in enumerate(edges[:-1]) for high in edges[i + 1 :]])
+    bands = np.array([(low, high) for i, low in enumerate(_EDGES[:-1]) for high in _EDGES[i + 1 :]])
     power_law = f ** -_SLOPES[:, None]
-    law = np.zeros((_SLOPES.size, len(bands), points))
+    law = np.zeros((_SLOPES.size, len(bands), _POINTS))
     size = np.empty(law.shape[:2])
     for place, (low, high) in enumerate(bands):
-        size[:, place] = power_law[:, low:high].sum(axis=1) / (2 * points)
+        size[:, place] = power_law[:, low:high].sum(axis=1) / (2 * _POINTS)
         law[:, place, low:high] = power_law[:, low:high] / size[:, place, None]
     mode = mode_shape(f, centre[:, None], damping[:, None])
-    return _Shapes(centre, damping, mode, rolloff.reshape(-1, points), bands, law, np.log(power_law), np.log(size))
+    return _Shapes(centre, damping, mode, rolloff.reshape(-1, _POINTS), bands, law, np.log(power_law), np.log(size))
 
 
 def _best_fit(

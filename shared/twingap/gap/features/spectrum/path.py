@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twingap._compiled import njit
+from twingap.effects.observations import ModePair
 from twingap.gap.features.spectrum.record_summary import RecordSummary, log_bands
 from twingap.records import Array
 
@@ -87,17 +88,9 @@ def measure(spectra: Sequence[RecordSummary]) -> dict[str, float]:
     return out
 
 
-class TwoModes(NamedTuple):
-    """Two modes in parallel that explain the spectra of a set: natural frequencies (parts of the sampling rate),
-    damping ratios, and the second's response to an impact over the first's, negative where it moves against it."""
-
-    places: tuple[float, float]
-    dampings: tuple[float, float]
-    gain: float
-
-
-def two_modes(spectra: Sequence[RecordSummary]) -> list[TwoModes]:
-    """Best pair of modes in phase and best pair in opposition, the better first; [] without records.
+def two_modes(spectra: Sequence[RecordSummary], fs_hz: float) -> list[ModePair]:
+    """Best pair of modes in phase and best pair in opposition, at this sampling rate, the better first; [] without
+    records.
 
     More thorough than `measure`, and slower.
     """
@@ -105,7 +98,7 @@ def two_modes(spectra: Sequence[RecordSummary]) -> list[TwoModes]:
     if curves is None:
         return []
     found = sorted((curves.two_modes(sign) for sign in (1.0, -1.0)), key=lambda fit: fit.cost)
-    return [TwoModes((fit.at[0], fit.at[2]), (fit.at[1], fit.at[3]), fit.at[4]) for fit in found]
+    return [ModePair((fit.at[0] * fs_hz, fit.at[2] * fs_hz), (fit.at[1], fit.at[3]), fit.at[4]) for fit in found]
 
 
 class _Curves:

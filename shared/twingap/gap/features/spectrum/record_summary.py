@@ -5,7 +5,7 @@ RecordTransforms --smooth spectrum, whitened spectra, spectrum of impacts, RMS--
 
 from __future__ import annotations
 
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 
@@ -31,20 +31,7 @@ class RecordSummary(NamedTuple):
     rms: float
 
 
-class SmoothSpectrum(Protocol):
-    """A record with a smooth spectrum: a `RecordSummary` or a `RecordTransforms`."""
-
-    @property
-    def condition(self) -> Condition: ...
-    @property
-    def frame(self) -> Frame: ...
-    @property
-    def fs_hz(self) -> float: ...
-    @property
-    def smooth(self) -> Array: ...
-
-
-def log_bands(record: SmoothSpectrum, bands: int) -> Array:
+def log_bands(record: RecordSummary, bands: int) -> Array:
     """[bands] Mean ln of the smooth power density, over scale^2 and times the sampling rate, in equal bands."""
     unit = record.fs_hz / max(record.frame.scale, 1e-300) ** 2
     return np.asarray(np.log(np.maximum(record.smooth * unit, 1e-30)).reshape(bands, -1).mean(axis=1))

@@ -14,13 +14,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from twingap._compiled import njit
-from twingap.gap.features.tones.whitened_spectra import Whitened
+from twingap.gap.features.tones.whitened_spectra import Single, Whitened
 from twingap.records import Array
-
-Single = NDArray[np.float32]
 
 
 @dataclass(frozen=True)

@@ -14,13 +14,10 @@ from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-from twingap.gap.features.tones.whitened_spectra import MOST_Z, Mean, Whitened, combined_z
+from twingap.gap.features.tones.whitened_spectra import MOST_Z, Mean, Single, Whitened, combined_z
 from twingap.records import Array
 from twingap.signal.record_transforms import medians
-
-Single = NDArray[np.float32]
 
 _EACH: Final = ("", "_fs", "_sides", "_balance", "_side_order", "_steady", "_sharp", "_turning")
 _BOTH: Final = ("fixed", "carrier")
@@ -60,19 +57,12 @@ _SAME: Final = 2.5
 
 
 def measure(hz: Mean, records: Sequence[Whitened], deviates: Sequence[Single]) -> dict[str, float]:
-    """`NAMES` -> value of a set of records; NaN where no line can be sought.
+    """`NAMES` -> value of records and the `deviates` [bins] of each, `hz` their mean; NaN where no line can be sought.
 
     Of the strongest fixed line, and of the most probable carrier: z; logarithm of its frequency over the sampling rate;
     z of its side lines together, and of the weaker of both; their distance, orders; spread of the logarithm of its
     level between records; logarithm of its power over the bins beside it; part of the records in which an integer order
     lies there. Then z of the strongest line that is not the carrier's, and the number of such lines.
-
-    Parameters
-    ----------
-    hz : Mean
-        Of the records, in Hz.
-    records, deviates : sequence of Whitened, sequence of Single [bins]
-        All records or a few hundred, and the deviates of each.
     """
     out = dict.fromkeys(NAMES, math.nan)
     top = 0.5 * min(r.fs_hz for r in records)
@@ -141,8 +131,8 @@ def _beside(records: Sequence[Whitened], deviates: Sequence[Single], places: Arr
 
 
 def _nature(records: Sequence[Whitened], places: Array) -> tuple[Array, Array, Array]:
-    """[carriers] Spread of the logarithm of the level over records, how far above the bins beside it, and the part of
-    the records in which an integer order lies there."""
+    """[carriers] Spread of the log level over records, its excess over bins beside it, part of records with an order
+    there."""
     level, above, turning = [], [], []
     for record in records:
         bins = np.rint(places / record.df_hz).astype(int)

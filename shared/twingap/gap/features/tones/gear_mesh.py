@@ -14,15 +14,12 @@ from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 
 from twingap.gap.features.tones.aligned_combs import aligned
-from twingap.gap.features.tones.whitened_spectra import Whitened
+from twingap.gap.features.tones.whitened_spectra import Single, Whitened
 from twingap.records import Array
 from twingap.signal.record_transforms import medians
-
-Single = NDArray[np.float32]
 
 _EACH: Final = ("", "_main", "_sides", "_teeth", "_rival")
 NAMES: Final = (*(f"gear{part}" for part in _EACH), *(f"gear_free{part}" for part in _EACH), "gear_integer_lead")

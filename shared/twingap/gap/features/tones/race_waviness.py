@@ -11,14 +11,11 @@ from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from twingap.bearing import Bearing
 from twingap.gap.features.tones.aligned_combs import aligned
-from twingap.gap.features.tones.whitened_spectra import Whitened
+from twingap.gap.features.tones.whitened_spectra import Single, Whitened
 from twingap.signal.record_transforms import medians
-
-Single = NDArray[np.float32]
 
 _RACES: Final = ("outer", "inner")
 _EACH: Final = ("", "_lead", "_first", "_second", "_share")

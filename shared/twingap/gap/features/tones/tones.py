@@ -53,20 +53,8 @@ class Peaks:
 class Lines:
     """Tones of one spectrum and their combs, each step computed once.
 
-    Parameters
-    ----------
-    tones : Array [bins]
-        Hann power spectrum, a sine of amplitude a at a^2 / 2.
-    df_hz : float
-        Distance of its bins, Hz.
-    shaft_hz : float
-        As stated.
-    fault_hz : float or None
-        Impact rate of a fault at the stated speed.
-    race_hz : tuple of float
-        Ball-pass rates of the races at the stated speed.
-    fs_hz : float or None
-        Sampling rate: lines above half of it fold back.
+    `tones` [bins] is a Hann power spectrum, a sine of amplitude a at a^2 / 2, with bins `df_hz` apart. Rates of shaft,
+    fault (impacts) and races (ball passes), Hz, are as stated; lines above half the sampling rate `fs_hz` fold back.
     """
 
     def __init__(

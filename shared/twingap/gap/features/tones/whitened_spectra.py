@@ -124,28 +124,11 @@ def _smooth(over: Array) -> Array:
 class Mean:
     """Mean of whitened spectra on an axis that all share, and how far each place of it stands out.
 
-    Parameters
-    ----------
-    powers : iterable of Single [bins]
-        One of each record.
-    places : Array [places]
-        The axis, evenly spaced.
-    indices : sequence of NDArray [places]
-        Bin of each place in each record.
-    about : int
-        Places about each that its floor is taken from.
-    kinds : sequence of str
-        State of the bearing of each record.
-
-    Attributes
-    ----------
-    places : Array [places]
-        Hz, or orders.
-    z : Array [places]
-        Normal deviates where there is nothing but noise; NaN beyond what most of the records reach.
-    common : Array [places]
-        z above the higher of both sides of a line, which a sharp mode does not exceed; and the least z when the records
-        of any one state are left out, so that lines of impacts, which only one state has, do not count.
+    From the power [bins] of each record, the bin of each of the `places` (Hz or orders, evenly spaced) in it, the
+    places about each that its floor is taken from, and the state of each record's bearing. `z` [places] are normal
+    deviates where there is nothing but noise, NaN beyond what most of the records reach. `common` [places] is z above
+    the higher of both sides of a line, which a sharp mode does not exceed, and the least z when the records of any one
+    state are left out, so that lines of impacts, which only one state has, do not count.
     """
 
     def __init__(

@@ -5,10 +5,10 @@ from __future__ import annotations
 from typing import Final
 
 from twingap.effects import catalogue
+from twingap.gap.report.advice import only_together
 from twingap.gap.report.formats import closure, name, parameters, undetermined
 from twingap.gap.report.model import REFERENCE, Candidate, GapReport, listed
 from twingap.gap.report.sections.parts import Cell, Figures, Line, Section, Table, figure
-from twingap.gap.report.together import only_together
 
 _SHOWN: Final = 6
 """Candidates that are listed at once, besides the verdict's."""

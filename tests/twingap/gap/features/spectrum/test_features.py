@@ -20,6 +20,7 @@ from twingap.effects import (
 )
 from twingap.gap.features.spectrum import difference
 from twingap.gap.features.spectrum import features as spectrum
+from twingap.gap.features.spectrum.record_summary import summarise
 from twingap.records import Condition
 from twingap.signal.record_transforms import Frame, RecordTransforms
 
@@ -76,7 +77,7 @@ def pairs(machine: Machine, effects: list) -> dict[str, float]:
     sides = []
     for own, seed in ((effects, 1), ([], 2)):
         made = [v for fault in ("healthy", "outer") for v, _ in machine.records(own, fault, count=3, seed=seed)]
-        sides.append(made)
+        sides.append([summarise(v) for v in made])
     return difference.compare(*sides)
 
 

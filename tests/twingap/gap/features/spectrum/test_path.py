@@ -63,8 +63,8 @@ def test_whether_a_mode_moves_against_the_first_is_seen(name, opposed):
 @pytest.mark.parametrize("opposed", [False, True])
 def test_two_modes_are_found_where_one_fitted_to_both_lies_between(opposed, gain):
     values = {"frequency_hz": 0.3 * RATES["6205"], "damping_ratio": 0.05, "gain": gain, "opposed": opposed}
-    best, other = path.two_modes(summaries("6205", [make_effect("second_resonance", values)]))
-    (first, second), strength = best.places, abs(best.gain)
+    best, other = path.two_modes(summaries("6205", [make_effect("second_resonance", values)]), 1.0)
+    (first, second), strength = best.frequencies_hz, abs(best.gain)
     if first > second:
         first, second, strength = second, first, 1 / strength
     assert (first, second) == pytest.approx((0.2, 0.3), rel=0.02)
@@ -101,4 +101,4 @@ def test_coloured_noise_is_no_path(name):
 
 def test_no_record_says_nothing():
     assert all(np.isnan(value) for value in path.measure([]).values())
-    assert path.two_modes([]) == []
+    assert path.two_modes([], 1.0) == []
