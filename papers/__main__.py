@@ -18,10 +18,7 @@ from twingap.track import MlflowTracker, NullTracker
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Run a study, tracked; a mistake of the user's is one line, an interruption another.
-
-    Raises `SystemExit` with status 2 after a mistake, 130 when interrupted.
-    """
+    """Run a study, tracked; a mistake of the user's is one line, an interruption another."""
     parser = argparse.ArgumentParser(
         prog="python -m papers", description=__doc__, epilog=f"Studies: {', '.join(short_names())}"
     )

@@ -29,11 +29,8 @@ def digest_of_imports(module: str) -> str:
 
 @functools.cache
 def closure(module: str) -> dict[str, Path]:
-    """Files of a module and of all modules in its packages that it imports, directly or not: dotted name -> source
-    file.
-
-    Sorted by name. The packages that hold the module are not followed: they declare studies.
-    """
+    """Sources of a module and of all modules in its packages that it imports, directly or not: dotted name -> file,
+    sorted. The packages that hold the module are not followed: they declare studies."""
     home = HOME | {module.partition(".")[0]}
     found: dict[str, Path] = {}
     waiting = [module]

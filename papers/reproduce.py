@@ -80,21 +80,9 @@ def run(
     seed: int = 0, backend: str = "loky", address: str | None = None,
     progress: Progress = lambda what, done, total: None, draw: bool = True, only: Collection[str] | None = None,
 ) -> Outcome:  # fmt: skip
-    """Run a paper's studies; what an interrupted run has finished is taken up again.
-
-    Raises `TwingapError` for a profile, study, backend, data root or folder that cannot be used.
-
-    Parameters
-    ----------
-    paper, profile : {"paper1", "paper2", "paper3"}, {"smoke", "full"}
-        Each study's own configuration says what a profile is.
-    out, root, seed, backend, address, progress, draw
-        See `papers.framework.Study.run`.
-    tracker : Tracker or None
-        Where the run is logged; None keeps no log.
-    only : collection of str, optional
-        Names of studies to run; all of the profile when None.
-    """
+    """Run a paper's studies of a profile, or those named by `only`; what an interrupted run has finished is taken up
+    again. Raises `TwingapError` for a profile, study, backend, data root or folder that cannot be used. For the other
+    parameters see `papers.framework.Study.run`."""
     if profile not in BOTH:
         raise TwingapError(f"unknown profile {profile!r}", mend=f"use one of {', '.join(BOTH)}")
     studies = {package.rpartition(".")[2]: package for package, when in PAPERS[paper].items() if profile in when}

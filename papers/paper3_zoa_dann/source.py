@@ -51,17 +51,9 @@ def identify(
     measured: Windows, bearing: Bearing, classes: Sequence[str], source: SourceOptions,
     options: IdentificationOptions, evaluations: int,
 ) -> dict[str, float]:  # fmt: skip
-    """The contact twin's free parameters from windows whose labels are not read; all classes are simulated alike.
-
-    Half of the evaluations of the objective go to a quasi-random (Sobol) sample of the box, the rest to ever smaller
-    steps around the best so far; 0 gives the preset's values.
-
-    Returns
-    -------
-    dict
-        `FREE` (to four digits, so that a machine's last bit changes nothing downstream), and ``rmse_db_before``,
-        ``rmse_db``: distance of the spectra with the preset's values and with these.
-    """
+    """The contact twin's free parameters (`FREE`, to four digits) from windows whose labels are not read, all classes
+    simulated alike, and distances of spectra before and after, dB. Half of the evaluations are a Sobol sample of the
+    box, the rest ever smaller steps about the best; 0 gives the preset's values."""
     preset = PRESETS[source.preset]
     wanted = mean_log_spectrum(measured, options.segment_samples)
     length = source.windows_per_record * measured.samples.shape[1]

@@ -35,16 +35,9 @@ def analyst(
     """The analyst's rule: the fault whose order stands out most in the squared-envelope spectrum, or healthy [windows,
     classes], one-hot.
 
-    Parameters
-    ----------
-    classes : tuple[str, ...]
-        "healthy" among them.
-    false_alarm : float
-        Share of structureless windows (white noise) that the rule calls faulty; its threshold is set by simulating
-        them. No record is looked at for that.
-    band : {"whole", "impulsive"}
-        Demodulate all of each window, or the band of its kurtogram with the highest kurtosis, at least three times as
-        wide as the highest fault frequency.
+    `false_alarm` is the share of simulated white-noise windows that the rule calls faulty; no record is looked at for
+    that. `band` "whole" demodulates all of each window, "impulsive" the band of its kurtogram with the highest
+    kurtosis, at least three times as wide as the highest fault frequency.
     """
     length = windows.samples.shape[1]
     # Recordings of almost equal length share a threshold: simulating theirs takes seconds.

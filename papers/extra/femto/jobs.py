@@ -117,11 +117,8 @@ def outcome(name: str, run: Measured, alone: dict[str, Any] | None = None) -> Ou
 
 
 def predict(job: Prediction, *, runs: dict[str, Measured]) -> dict[str, Any]:
-    """Remaining time at every snapshot of a run, without its own end.
-
-    `alarm` and `onset` (rows; None without), `passed` (anomalies taken back), `predicted`, `low` and `high` in s
-    [rows].
-    """
+    """Remaining time at every snapshot of a run, without its own end: rows of `alarm` and `onset` (None without),
+    anomalies taken back (`passed`), `predicted`, `low` and `high` in s [rows]."""
     run = runs[job.bearing]
     others = {name: other for name, other in runs.items() if name != job.bearing}
     prior = prior_from([outcome(name, other) for name, other in others.items()], run.load_n)

@@ -16,11 +16,8 @@ from twingap.prognosis.prior import LEARNT
 
 
 def pooled(bearing: str, runs: dict[str, jobs.Measured], alone: dict[str, dict[str, Any]]) -> dict[str, Any]:
-    """`predict` by growth alone of a bearing, pooled with what other runs say.
-
-    Weight and width of intervals are those that the other bearings choose among themselves: neither this one's life nor
-    its predictions enter them.
-    """
+    """`predict` by growth alone of a bearing, pooled with what other runs say; weight and width of intervals are those
+    that the other bearings choose among themselves."""
     run, found = runs[bearing], alone[bearing]
     others = [jobs.outcome(name, other, alone[name]) for name, other in runs.items() if name != bearing]
     prior = prior_from(others, run.load_n)
@@ -79,11 +76,8 @@ def table(runs: dict[str, jobs.Measured], results: Sequence[tuple[jobs.Predictio
 
 @as_table
 def wins(every: pd.DataFrame) -> Rows:
-    """Bearings on which the estimator is at least as good as rivals, per metric.
-
-    Against the best rival of each bearing, a yardstick that knows the end; against the one that is best on average,
-    which a reader would take instead; and against each rival throughout.
-    """
+    """Bearings on which the estimator is at least as good as rivals, per metric: as the best of each bearing
+    (hindsight), as the one that is best on average, and as each rival throughout."""
     higher = (
         "relative_accuracy", "alpha_lambda_half", "within_20", "horizon_s", "phm2012_after_alarm", "phm2012_at_cuts",
     )  # fmt: skip

@@ -146,11 +146,9 @@ class Run:
 
 
 def measure(job: Features, *, root: str | Path | None) -> dict[str, Any]:
-    """Five indicators of every snapshot of a run, all positive and proportional to amplitude but for the distance.
-
-    Spectral distance is the exponential of the root mean square, over 64 bands, of log amplitude relative to the first
-    rows; the strongest band is the largest of these ratios over eight bands.
-    """
+    """Five positive indicators of every snapshot of a run. Spectral distance is the exponential of the root mean
+    square, over 64 bands, of log amplitude relative to the first rows; the strongest band is the largest of these
+    ratios over eight bands."""
     records = load("femto", root).select(lambda c: c.group == job.bearing)
     rows, levels = [], []
     for record in records:
@@ -172,11 +170,9 @@ def measure(job: Features, *, root: str | Path | None) -> dict[str, Any]:
 
 
 def follow(job: Growth, *, runs: dict[str, Run]) -> dict[str, Any]:
-    """A run by growth alone, at its cuts and at evenly spaced rows, in revolutions.
-
-    `at`: for each cut, None without an anomaly, else (since the onset, per row, 5 %, 50 %, 95 %); `along`: rows (lived,
-    since the onset, 5 %, 50 %, 95 %); `alarm`, `onset` (rows or None) and `after` the onset.
-    """
+    """A run by growth alone, in revolutions: `at` each cut (since the onset, per row, 5 %, 50 %, 95 %) or None without
+    an anomaly; `along` the run rows (lived, since the onset, 5 %, 50 %, 95 %); rows of alarm and onset; life after
+    it."""
     run = runs[job.bearing]
     at, along = {}, []
     every = max(len(run.indicators) // 60, 1)
@@ -224,10 +220,8 @@ def predict(
     job: Prediction, *, runs: dict[str, Run], cuts: dict[str, list[int]], grown: dict[tuple[str, str], dict[str, Any]],
     band: tuple[float, float],
 ) -> dict[str, Any]:  # fmt: skip
-    """Remaining revolutions of a run at its cuts, from the other runs.
-
-    `point` [cuts] and `quantiles` [cuts, SHARES], which are all equal where a method gives no law; `indicator`.
-    """
+    """Remaining revolutions of a run at its cuts, from the other runs: `point` [cuts], `quantiles` [cuts, SHARES] (all
+    equal where a method gives no law) and `indicator`."""
     run, own = runs[job.bearing], cuts[job.bearing]
     others = {name: other for name, other in runs.items() if name != job.bearing}
     lived = np.array(own) * run.life / run.last

@@ -119,11 +119,8 @@ def indicators(work: Work) -> Rows:
 
 
 def lives(work: Work) -> pd.DataFrame:
-    """Score of methods that need no vibration on all bearings of which the life is published.
-
-    Protocols: the challenge's (its eleven test bearings at its own cuts, from the learning bearings), and each of the
-    seventeen from the sixteen others at twelve cuts in the band.
-    """
+    """Score of methods that need no vibration on all bearings of published life: by the protocol of the challenge, and
+    of each of the seventeen from the sixteen others at twelve cuts in the band."""
     band, known = work.options.band, {}
     for name, (_, end) in work.options.test.items():
         rpm, load_n = CONDITIONS[name[len("Bearing")]]

@@ -105,11 +105,8 @@ def results(work: Work) -> list[tuple[str, Result[Trial]]]:
 
 
 def probe(job: Trial, material: Material, labelled: Windows, modes: Path | None = None) -> dict[str, Any]:
-    """Train, and see what each layer and each checkpoint make of the judged windows.
-
-    ``checkpoints``, a list, and ``layers``, by name: "simulated" and "true labels" of each, shares of the judged
-    windows called right by class; ``chosen``, the place of the checkpoint chosen without labels.
-    """
+    """Train, and probe each layer and checkpoint: shares of the judged windows called right by class, of layers by who
+    taught the probe; ``chosen`` is the place of the checkpoint chosen without labels."""
     source, truth = simulate(job.recipe), material.evaluate.labels
     assert source.labels is not None and labelled.labels is not None and truth is not None
     inputs = dataclasses.replace(job.inputs, cache=modes)

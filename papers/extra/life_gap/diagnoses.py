@@ -65,11 +65,8 @@ def stage_of(case: Case, stage: str) -> Snapshots:
 
 
 def pair_of(asked: Asked, cases: Sequence[Case], model: SignalModel) -> tuple[RecordSet, RecordSet]:
-    """Measured records of a stage of these bearings, and the twin's at their speeds and peaks to peak.
-
-    Groups are bearings; of one bearing alone, each record is a group of its own. Raises `TwingapError` when fewer than
-    two records are of this stage and speed.
-    """
+    """Measured records of a stage of these bearings, and the twin's at their speeds and peaks to peak; groups are
+    bearings, or records where there is one bearing. Raises `TwingapError` for fewer than two records."""
     rng = asked.rng
     real: list[Record] = []
     made: list[Record] = []

@@ -164,11 +164,8 @@ def load_splits(work: Work) -> list[Split]:
 
 
 def split(name: str, scenario: Scenario, records: RecordSet, path: Path) -> Split:
-    """Recordings that teach and that are judged; what is shorter than a window is left out.
-
-    Raises `TwingapError` for a query that cannot be read, a part without recordings, recordings in both, or classes
-    that nothing teaches.
-    """
+    """Recordings that teach and that are judged, without those shorter than a window. Raises `TwingapError` for an
+    unreadable query, an empty part, a recording in both, or a class that nothing teaches."""
     where, table = f"{path}: scenarios.{name}", records.table
     table = table[table["n_samples"] >= scenario.window]
     train, judge = (_asked(table, query, where)[scenario.label] for query in (scenario.train, scenario.judge))
@@ -231,11 +228,8 @@ def read(job: Reading, root: Path | None) -> dict[str, NDArray[np.float32]]:
 
 
 def indicators(x: Array, fs_hz: float) -> Array:
-    """The eleven indicators of pdm-bench's default configuration: seven of time, four of the spectrum [windows, 11].
-
-    Of windows x [windows, samples]. The spectrum's mean, centre (of the amplitude times frequency), root mean square
-    and spread about the centre are in Hz, weighted by the amplitudes of the Hann-windowed transform.
-    """
+    """The eleven indicators of pdm-bench's default configuration [windows, 11]: seven of time; mean, centre, root mean
+    square (Hz) and spread about the centre of the amplitude spectrum."""
     amplitude = np.abs(np.fft.rfft(x * np.hanning(x.shape[1]), axis=1))
     f = np.fft.rfftfreq(x.shape[1], 1 / fs_hz)
     total = amplitude.sum(axis=1)
@@ -273,11 +267,8 @@ def trials(own: Split, work: Work) -> Iterator[Trial]:
 
 
 def run_trial(job: Trial, train: Rows, judge: Rows) -> dict[str, dict[str, Any]]:
-    """Fit every method, choose its setting without labels of the judged part, judge.
-
-    Method -> `scores` of the judged windows, ``oracle`` (accuracy of the best setting by their labels), ``recordings``
-    (accuracy of recordings by the mean probability over their windows), ``setting``.
-    """
+    """Fit every method, choose its setting without labels of the judged part, judge: method -> `scores`, ``oracle``
+    (best setting by labels), ``recordings`` (accuracy by mean probability over windows), ``setting``."""
     from sklearn.ensemble import RandomForestClassifier
 
     rng, target = np.random.default_rng([job.seed, 65]), judge[job.view]

@@ -110,10 +110,7 @@ def rows(work: Work) -> list[dict[str, Any]]:
 
 
 def with_true_lives(case: Case, options: Adaptation) -> Case:
-    """The case with lives of the rate of growth with which their mean is nearest to the truth: an oracle's.
-
-    Raises `TwingapError` when no rate gives lives that end after now.
-    """
+    """The case with lives of the rate of growth with which their mean is nearest to the truth: an oracle's."""
     twin = case.known.twin
     seen = case.run.until(twin.now_row)
     found: list[tuple[float, Case]] = []

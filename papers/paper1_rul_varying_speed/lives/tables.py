@@ -46,15 +46,8 @@ def all_tables(work: Work) -> dict[str, pd.DataFrame]:
 
 
 def reaction(predicted_min: Array, speed_rpm: Array) -> float:
-    """How predicted remaining time answers a change of speed: slope of its logarithm over that of speed.
-
-    -1 when remaining revolutions stay as they are, as those of a real bearing all but do from one record to the next; 0
-    for a prediction that does not notice. NaN without a change of speed.
-
-    Parameters
-    ----------
-    predicted_min, speed_rpm : Array [rows]
-    """
+    """Slope of the logarithm of predicted time over that of speed [rows]: -1 when predicted revolutions do not notice a
+    change of speed, as they should, 0 when predicted time does not; NaN without a change."""
     change = np.diff(np.log(speed_rpm))
     alive = (predicted_min[1:] > 0) & (predicted_min[:-1] > 0) & (change != 0)
     if not alive.any():
@@ -84,13 +77,9 @@ def _row(
 
 
 def errors(results: Sequence[CaseResult], options: Options, data: str) -> list[dict[str, Any]]:
-    """One row per run and model, and per run the yardstick.
-
-    ``rmse_min``: of remaining time over all rows from K_anomaly to the end of life, as in the paper;
-    ``rmse_later_min``, ``within_..``, ``relative_accuracy``: over rows after now alone, which training never saw.
-    ``oracle_min``: of the checkpoint that true lives would have chosen, which no model may claim. ``published_min``: of
-    the paper, on its set.
-    """
+    """A row per run and model, and per run the yardstick. ``rmse_min`` is over all rows from K_anomaly to the end of
+    life, as in the paper; ``rmse_later_min``, ``within_..``, ``relative_accuracy`` over rows after now alone;
+    ``oracle_min`` of the checkpoint that true lives would have chosen; ``published_min`` of the paper, on its set."""
     rows = []
     for result in results:
         for model in result.models:
@@ -137,11 +126,8 @@ def gap(rows: Sequence[dict[str, Any]], data: str) -> pd.DataFrame:
 
 @as_table
 def comparison(results: Sequence[CaseResult], options: Options, data: str) -> Rows:
-    """What was to be shown: proposed model 3 over CNN, and that it beats CNN and DANN on every run; the others' too.
-
-    The ratio is that of mean RMSE over runs, by seed; its interval is over seeds. A run counts as won when the mean
-    over seeds is lower.
-    """
+    """What was to be shown: proposed model 3 over CNN, and that it beats CNN and DANN on every run (mean over seeds
+    lower); the others' too. The ratio is that of mean RMSE over runs, its interval over seeds."""
     for twin in dict.fromkeys(r.variant for r in results):
         own = [r for r in results if r.variant == twin]
         for model in [FULL, *[m for m in MODELS if m not in (FULL, *RIVALS)]]:

@@ -58,11 +58,8 @@ class LifeArchitecture:
 
 
 def critical_length(bearing: Bearing, lowest_speed_rpm: float, fs_hz: float, impacts: int = 1) -> int:
-    """Samples that hold so many impacts of a ball defect, the rarest, at the lowest speed: L_c = F_s / BSF, eq. 16.
-
-    A ball meets both races in one spin, but the paper counts one impact, on one race. Its own case, a 6205 at 1000 rpm
-    and 50 kHz, needs 25,459 samples for 20 impacts; its 25,000 ("at least 20 impacts") hold 19.6.
-    """
+    """Samples that hold so many impacts of a ball defect, the rarest, at the lowest speed: L_c = F_s / BSF, eq. 16,
+    which counts one impact a spin. A 6205 at 1000 rpm and 50 kHz needs 25,459 samples for 20; 25,000 hold 19.6."""
     if not (lowest_speed_rpm > 0 and fs_hz > 0 and impacts > 0):
         raise TwingapError(
             f"{lowest_speed_rpm:g} rpm, {fs_hz:g} Hz, {impacts} impacts: all must be above 0", where="critical length"
@@ -83,10 +80,7 @@ MODELS: Final[Mapping[str, LifeArchitecture]] = MappingProxyType({
 def architecture_of(
     name: str, *, printed: bool = False, models: Mapping[str, LifeArchitecture] = MODELS
 ) -> LifeArchitecture:
-    """The network of one model; `printed`: table 1 to the letter, 32 features, instead of the text's 112.
-
-    Raises `TwingapError` for an unknown model.
-    """
+    """The network of one model; `printed`: table 1 to the letter, 32 features, instead of the text's 112."""
     if name not in models:
         raise TwingapError(f"no model {name!r}", where="models", mend=f"choose from {', '.join(models)}")
     return replace(models[name], strides=PRINTED_STRIDES) if printed else models[name]

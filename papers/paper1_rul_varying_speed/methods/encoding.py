@@ -20,15 +20,8 @@ D_MODEL = 24
 
 
 def positional_encoding(position: ArrayLike, d_model: int = D_MODEL) -> Array:
-    """PE(pos, 2i) = sin(pos / 10000^(2i / d_model)), PE(pos, 2i + 1) = cos of the same: eq. 13 [..., d_model].
-
-    Parameters
-    ----------
-    position : array_like [...]
-        From 1. Fractions are allowed, and lie between their neighbours.
-    d_model : int
-        Even, at least 2.
-    """
+    """PE(pos, 2i) = sin(pos / 10000^(2i / d_model)), PE(pos, 2i + 1) = cos of the same, positions from 1: eq. 13 [...,
+    d_model]."""
     if d_model < 2 or d_model % 2:
         raise TwingapError(f"d_model = {d_model}, an even number of at least 2 expected", where="encoding")
     angle = np.asarray(position, float)[..., None] / 10000.0 ** (np.arange(0, d_model, 2) / d_model)

@@ -29,11 +29,8 @@ _LEAST_PROMINENCE = np.log(2.0)
 def excess_spectrum(
     faulty: Samples, faulty_rpm: Array, healthy: Samples, healthy_rpm: Array, fs_hz: float
 ) -> tuple[Array, Array]:  # fmt: skip
-    """Mean PSD of records [records, samples] less that of healthy ones of the nearest speed: frequencies, Hz, and PSD
-    [bins].
-
-    Unit squared per Hz; 0 where healthy records have more.
-    """
+    """Mean PSD of records [records, samples] less that of healthy ones of the nearest speed, 0 where those have more:
+    frequencies, Hz, and PSD, unit squared per Hz [bins]."""
     segment = min(2 ** int(np.round(np.log2(fs_hz / SEGMENT_HZ))), faulty.shape[1], healthy.shape[1])
     f_hz, after = welch(faulty, fs_hz, nperseg=segment)
     _, before = welch(healthy, fs_hz, nperseg=segment)
@@ -47,17 +44,9 @@ def excess_spectrum(
 def excited_modes(
     faulty: Samples, faulty_rpm: Array, healthy: Samples, healthy_rpm: Array, fs_hz: float, count: int = 4
 ) -> tuple[Mode, ...]:
-    """At most `count` modes that impacts ring most strongly, strongest first, whose gain is 1.
-
-    Damping is read off the width at half power, the window's own taken out. Raises `TwingapError` when nothing stands
-    out of the healthy spectrum.
-
-    Parameters
-    ----------
-    faulty, healthy : Samples [records, samples]
-        After K_anomaly and up to now; of the healthy beginning.
-    faulty_rpm, healthy_rpm : Array [records]
-    """
+    """At most `count` modes that impacts ring most strongly, strongest (gain 1) first, from records [records, samples]
+    after K_anomaly and healthy ones; damping from the width at half power. Raises `TwingapError` when nothing stands
+    out."""
     f_hz, psd = excess_spectrum(faulty, faulty_rpm, healthy, healthy_rpm, fs_hz)
     step = float(f_hz[1])
     usable = (f_hz > 5 * step) & (f_hz < 0.45 * fs_hz)

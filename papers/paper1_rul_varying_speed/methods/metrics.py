@@ -54,10 +54,8 @@ def within_alpha(true: ArrayLike, predicted: ArrayLike, alpha: float = 0.2) -> N
 
 
 def alpha_lambda(true: ArrayLike, predicted: ArrayLike, lam: float = 0.5, alpha: float = 0.2) -> bool:
-    """Whether the last prediction not after t_lambda = t_P + lam (t_EoL - t_P) lies within the cone.
-
-    t_P is the first row with a prediction; False without any.
-    """
+    """Whether the last prediction not after t_lambda = t_P + lam (t_EoL - t_P), t_P the first row with one, lies within
+    the cone; False without any."""
     t, p = _pair(true, predicted)
     made = np.flatnonzero(np.isfinite(p))
     if made.size == 0:
@@ -69,10 +67,8 @@ def alpha_lambda(true: ArrayLike, predicted: ArrayLike, lam: float = 0.5, alpha:
 
 
 def prognostic_horizon(true: ArrayLike, predicted: ArrayLike, life: float, alpha: float = 0.1) -> float:
-    """Remaining life at the first row from which on all predictions lie within true -+ alpha `life`; 0 without one.
-
-    `life` is t_EoL, unit of remaining life. The source asks for that row alone, which one lucky prediction satisfies.
-    """
+    """Remaining life at the first row from which on all predictions lie within true -+ alpha `life` (t_EoL); 0 without
+    one. The source asks for that row alone, which one lucky prediction satisfies."""
     t, p = _pair(true, predicted)
     lasting = np.logical_and.accumulate((np.abs(p - t) <= alpha * life)[::-1])[::-1]
     first = np.flatnonzero(lasting)

@@ -19,12 +19,10 @@ from twingap.adapt.dann import reverse_gradient
 
 
 class LifeNetwork(nn.Module):
-    """Feature extractor, regressor and (adversarial only) discriminator of paper 1.
-
-    Of 25,000 samples: 4 x 1555 -> 4 x 194 -> 16 x 60 -> 16 x 7 = 112 features. The regressor's last unit is a ReLU, as
-    printed: a unit that is 0 for all records learns nothing more, so its bias begins at 0.5, the middle of labels that
-    are scaled to between 0 and 1. Raises `TwingapError` when records are too short to leave a feature.
-    """
+    """Feature extractor, regressor and (adversarial only) discriminator of paper 1: 25,000 samples -> 4 x 1555 -> 4 x
+    194 -> 16 x 60 -> 16 x 7 = 112 features. The regressor ends in a ReLU, as printed; its bias begins at 0.5, the
+    middle of the labels, since a unit that is 0 for all records learns nothing more. Raises `TwingapError` for records
+    without a feature."""
 
     def __init__(self, architecture: LifeArchitecture | None = None) -> None:
         super().__init__()

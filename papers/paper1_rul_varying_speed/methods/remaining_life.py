@@ -16,19 +16,9 @@ from twingap import TwingapError
 
 
 def remaining_revolutions(speed_rpm: ArrayLike, dt_s: float) -> Array:
-    """Rev_n of eq. 14 [rows], from the anomaly (row 0) to the end of life, where it is 0.
-
-    As printed, its total is summed from K_anomaly but subtracted from the row after it, so that rpm_K dt revolutions
-    would remain at the end of life; that term is left out here.
-
-    Parameters
-    ----------
-    speed_rpm : array_like [rows]
-        Rows K_anomaly to N, the last being the end of life.
-    dt_s : float
-        Time from row to row. The paper calls it "the length of each measurement"; revolutions between measurements
-        count as well, so it is their spacing.
-    """
+    """Rev_n of eq. 14 [rows], from the anomaly (row 0) to the end of life, where it is 0; `dt_s` is the spacing of
+    rows. As printed rpm_K dt revolutions would remain at the end, since the total is summed from K_anomaly and
+    subtracted from the row after it; that term is left out."""
     speed = np.asarray(speed_rpm, float)
     if speed.ndim != 1 or speed.size == 0 or not np.isfinite(speed).all() or (speed < 0).any():
         raise TwingapError("one finite speed of at least 0 per row expected", where="speed profile")
@@ -37,10 +27,8 @@ def remaining_revolutions(speed_rpm: ArrayLike, dt_s: float) -> Array:
 
 
 def remaining_time_s(revolutions: ArrayLike, speed_rpm: ArrayLike) -> Array:
-    """RUL_n = Rev_n / rpm_n of eq. 14, s [...]: the time left if the machine goes on at its present speed.
-
-    Infinite where the machine stands still with revolutions left.
-    """
+    """RUL_n = Rev_n / rpm_n of eq. 14, s [...]: the time left at the present speed; infinite for a machine at
+    standstill."""
     left, speed = np.broadcast_arrays(np.asarray(revolutions, float), np.asarray(speed_rpm, float))
     running = speed > 0
     time = 60 * left / np.where(running, speed, 1.0)

@@ -51,10 +51,8 @@ class Run:
 
 
 def read_run(records: RecordSet) -> Run:
-    """Rows of a run from the records of one bearing, in order of time, one at a time in memory.
-
-    Raises `TwingapError` when a record has no time.
-    """
+    """Rows of a run from the records of one bearing in order of time, one in memory at a time; `TwingapError` without
+    times."""
     for condition in records.conditions:
         if condition.time_s is None:
             raise TwingapError("has no time_s", where=f"record {condition.name!r}", mend="a run needs times")
@@ -66,11 +64,8 @@ def read_run(records: RecordSet) -> Run:
 
 
 def period_rows(speed_rpm: ArrayLike) -> int:
-    """Rows after which a speed profile [rows] repeats itself.
-
-    Speeds within a relative distance of `SAME_SPEED` are equal. Of the periods that hold every speed seen and after
-    which `ALIKE` of all rows come again, the shortest; 1 for a constant speed, all rows when nothing repeats.
-    """
+    """Rows after which a speed profile [rows] repeats itself: the shortest period that holds every speed seen and after
+    which `ALIKE` of all rows come again; 1 for a constant speed, all rows when nothing repeats."""
     speed = np.asarray(speed_rpm, float)
     low, high = float(speed.min()), float(speed.max())
     if high <= low * (1 + SAME_SPEED):

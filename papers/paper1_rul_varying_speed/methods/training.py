@@ -123,17 +123,9 @@ def train_life(
     simulated: Snapshots, real: Snapshots, architecture: LifeArchitecture, scales: LifeScales,
     settings: LifeTraining | None = None, seed: int = 0,
 ) -> TrainedLife:  # fmt: skip
-    """Train one model: same seed, same bytes on the same kind of device.
-
-    Raises `TwingapError` when simulated records lack labels, or real ones bring them.
-
-    Parameters
-    ----------
-    real : Snapshots
-        Of the run up to now, after the anomaly; not used by a model that is not adversarial.
-    seed : int
-        Of weights and order of batches.
-    """
+    """Train one model; `seed` is of weights and batches: same seed, same bytes on the same kind of device. `real`
+    records, of the run up to now, serve adversarial models alone. Raises `TwingapError` when simulated records lack
+    labels, or real ones bring them."""
     settings = settings or LifeTraining()
     if simulated.revolutions is None:
         raise TwingapError("simulated records without labels", where="training")

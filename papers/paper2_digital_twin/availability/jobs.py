@@ -162,17 +162,9 @@ def _parts(places: Places, size: int) -> list[Places]:
 
 
 def network(job: NetworkJob, data: Mapping[str, Measured], source: Mapping[str, Any]) -> dict[str, Any]:
-    """Train on the twin's images, choose without labels, judge; then correct it by few labels, and judge.
-
-    The network itself learns from no label: the head's mean must not have seen the records that it is corrected by.
-    `source` holds what `source.simulate` gives, by ``data kind fold``.
-
-    Returns
-    -------
-    dict
-        ``split`` -> ``count`` -> recording -> called class; with no label also what each checkpoint says and scores,
-        with some also what the same head calls it without the network.
-    """
+    """Train on the twin's images (`source`: by ``data kind fold``) without a label, choose and judge; then correct it
+    by few labels, and judge. ``split`` -> ``rows`` -> ``count`` -> recording -> called class; what each checkpoint says
+    and scores; and what the same head calls without the network."""
     own, made = data[job.data], source[f"{job.data} {job.kind} {job.fold}"]
     n_classes, truth = len(own.classes), own.piece_labels()
     x, y = np.asarray(made["images"], dtype=np.float32), np.asarray(made["labels"], dtype=np.int64)
@@ -243,11 +235,8 @@ def shallow(job: ShallowJob, data: Mapping[str, Measured]) -> dict[str, Any]:
 
 
 def alarm(job: AlarmJob, data: Mapping[str, Measured]) -> dict[str, Any]:
-    """Healthy map of all healthy recordings but one; MQE and alarms of every recording.
-
-    A recording alarms when more than half of its windows do. They stand and fall together, so no independence is
-    assumed: by Markov's inequality a healthy recording alarms with a probability of at most 2 `false_alarm`.
-    """
+    """Healthy map of all healthy recordings but one; MQE and alarms of every recording. One alarms when more than half
+    of its windows do: by Markov's inequality a healthy one does with a probability of at most 2 `false_alarm`."""
     own = data[job.data]
     healthy = [h for h in own.healthy() if h != job.without]
     inside = np.isin(own.window_recording, healthy)

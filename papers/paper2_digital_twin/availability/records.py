@@ -84,11 +84,8 @@ def load(name: str, root: Path | None, rig_duration_s: float = 4.0) -> RecordSet
 
 
 def measure(records: RecordSet, name: str, options: ImageOptions) -> Measured:
-    """Cut and measure every recording.
-
-    A recording that is only at hand in short windows (98.mat of CWRU) becomes pieces of as many windows as make the
-    length of a piece; each window's spectrum has less resolution, and their powers are averaged.
-    """
+    """Cut and measure every recording. One that is only at hand in short windows (98.mat of CWRU) becomes pieces of as
+    many windows as make the length of a piece, whose powers are averaged."""
     classes, bearing, parts = CLASSES[name], records.bearing or BEARINGS["6205"], []
     labels: dict[str, int] = {}
     bearings: dict[str, str] = {}
@@ -131,10 +128,7 @@ def measure(records: RecordSet, name: str, options: ImageOptions) -> Measured:
 
 
 def at_hand(names: Sequence[str], root: Path | None, rig_duration_s: float) -> dict[str, RecordSet]:
-    """Those of the named data sets that are at hand; the virtual rig when none is.
-
-    Raises `NotAtHandError` for the first that is missing in a root that the caller named.
-    """
+    """Those of the named data sets that are at hand; the virtual rig when none is."""
     found: dict[str, RecordSet] = {}
     for name in names:
         try:
@@ -162,12 +156,9 @@ ALL: Final = -1
 
 
 def judged(data: Measured, split: Split, fold: int, folds: int, seed: int) -> tuple[str, ...]:
-    """Recordings of one fold.
-
-    Healthy recordings are dealt in their order, whatever the split: there is one healthy bearing, and what learnt from
-    one of its recordings cannot be kept from all of it. Recordings of a fault are shuffled by the seed ("recording") or
-    kept with those of their bearing, one size a fold ("bearing"), so that every seed judges the same.
-    """
+    """Recordings of one fold. Healthy ones are dealt in their order, whatever the split, since there is one healthy
+    bearing; those of a fault are shuffled by the seed ("recording") or kept with those of their bearing, one size a
+    fold ("bearing")."""
     rng = np.random.default_rng([seed, 21])
     healthy = data.healthy()
     chosen = [str(r) for r in np.array_split(np.array(healthy), folds)[fold]]
@@ -190,20 +181,8 @@ def judged(data: Measured, split: Split, fold: int, folds: int, seed: int) -> tu
 def labelled(
     data: Measured, learn: Sequence[str], count: int, rng: np.random.Generator, *, all_healthy: bool
 ) -> NDArray[np.int64]:
-    """Places of the labelled pieces: `count` of each fault, and healthy ones.
-
-    The first of each recording in turn (in random order), then the second of each, so that `count` records come from
-    as many recordings as there are.
-
-    Parameters
-    ----------
-    learn : sequence of str
-        Recordings that may be learnt from.
-    count : int
-        `ALL` for all.
-    all_healthy : bool
-        Healthy records are not scarce: all of them; or as many as of a fault, since more drown the few.
-    """
+    """Places of the labelled pieces of the recordings `learn`: `count` (or `ALL`) of each fault, from as many
+    recordings as there are; of healthy ones as many, since more drown the few, or all (`all_healthy`)."""
     chosen: list[int] = []
     healthy = data.healthy()
     for label in sorted(set(data.labels.values())):

@@ -86,11 +86,8 @@ def accuracy(called: pd.DataFrame) -> Rows:
 
 @as_table
 def crossings(work: Work, called: pd.DataFrame) -> Rows:
-    """From how many records on one method is at least as good as another, and whether that is more than luck.
-
-    ``at least as good from``: smallest number from which on the mean over seeds is never lower; empty if it is lower
-    with all records. ``better from``: the same with the 95 % interval of the paired difference above 0.
-    """
+    """From how many records on one method is at least as good as another in the mean over seeds (empty if it is lower
+    with all), and ``better from``: with the 95 % interval of the paired difference above 0."""
     found = by_seed(called)
     for (data, split, about), (first, second) in itertools.product(_parts(work), AHEAD):
         here = found[(found["data"] == data.name) & (found["split"] == split)]
@@ -225,11 +222,8 @@ def judging(work: Work, data: Measured, recording: str) -> list[dict[str, Any]]:
 
 
 def severity(work: Work) -> pd.DataFrame:
-    """MQE of every recording, median of its windows, mean over seeds.
-
-    Of a fault, against the map of all healthy recordings; of a healthy one, against the map of the others, whose
-    threshold is another: `over threshold` is what compares.
-    """
+    """MQE of every recording, median of its windows, mean over seeds; of a healthy one by the map of the others, whose
+    threshold is another: `over threshold` is what compares."""
     rows = []
     for name, data in work["data"].items():
         for r in data.recordings:

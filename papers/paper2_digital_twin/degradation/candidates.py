@@ -83,11 +83,8 @@ def healthy_level(j: Judged, name: str) -> float:
 
 
 def limits_of(j: Judged, name: str, found: Sequence[Judged]) -> dict[str, float]:
-    """Levels at which life is taken to end.
-
-    A run's own end is what no one knows before; the median of other runs' ends is what a user has. The latter only for
-    plain features, in healthy standard deviations: the axes of fused ones differ from run to run.
-    """
+    """Levels at which life is taken to end: a run's own end, known in hindsight, and the median of other runs' ends,
+    for plain features alone, since the axes of fused ones differ from run to run."""
     limits = {HINDSIGHT: end_level(j.series[name])}
     feature = j.choice if name == CHOSEN else name
     others = [o for o in found if o is not j and o.run.family == j.run.family]

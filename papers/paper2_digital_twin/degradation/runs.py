@@ -116,10 +116,8 @@ class Reading:
 def study_runs(
     ims: Sequence[str], femto: Sequence[str], reading: Reading, root: Path | None, swept: Swept
 ) -> tuple[str, list[StudyRun]]:
-    """All runs at hand, and where they come from.
-
-    Without any, and without a root that the caller named, four simulated runs stand in; their names and source say so.
-    """
+    """All runs at hand, and where they come from; four simulated runs when there are none and the caller named no
+    root."""
     found: list[StudyRun] = []
     missing: list[str] = []
     for name in ims:
@@ -165,10 +163,8 @@ def simulated_runs(count: int = 4, records: int = 150) -> RecordSet:
 
 
 def running_time(time_s: Array) -> Array:
-    """Clock with pauses taken out [rows], s: an interval of more than three times the median counts as the median.
-
-    IMS test 1 stood still for six days in all; a bearing does not wear while it does.
-    """
+    """Clock without pauses [rows], s: an interval of more than three times the median counts as the median (IMS test 1
+    stood still for six days in all)."""
     steps = np.diff(time_s)
     if steps.size == 0:
         return np.zeros(time_s.size)

@@ -28,17 +28,8 @@ class Motion:
 
 
 def motion_of(job: Job, steps: int | None = None) -> Motion:
-    """Integrate a job from rest at the centre, classical RK4 with a fixed step ("ode4"), and keep every sample's state.
-
-    Raises `TwingapError` when the trajectory leaves the range of numbers.
-
-    Parameters
-    ----------
-    job : Job
-        Its `turns` need not increase: a shaft that stands still is a constant.
-    steps : int, optional
-        Internal steps per sample, even; when left out, what the job asks for.
-    """
+    """Integrate a job (whose `turns` need not increase) from rest at the centre by RK4 with a fixed step, `steps` per
+    sample if given, and keep every sample's state. Raises `TwingapError` when it leaves the range of numbers."""
     from twingap.twins.contact_kernel import LANES, integrate  # compiled code: only when it is needed
 
     factor = job.oversampling() if steps is None else steps

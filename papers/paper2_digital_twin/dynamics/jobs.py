@@ -138,10 +138,7 @@ def settle(case: Case) -> dict[str, Any]:
 
 def settled_at(t_s: Array, off: Array, limit: float, judged_s: float) -> float | None:
     """From when on a ring stays within a limit of the static solution [points]; None where it is away in the judged
-    part.
-
-    Few points near the end say little.
-    """
+    part."""
     away = np.flatnonzero(off > limit)
     if away.size and t_s[away[-1]] >= judged_s:
         return None

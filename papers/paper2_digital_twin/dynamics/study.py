@@ -21,12 +21,9 @@ def all_tables(work: Work) -> dict[str, pd.DataFrame]:
 
 @as_table
 def balance(healthy: Sequence[Result[jobs.Case]]) -> Rows:
-    """Where each normal bearing settles against the static Hertz solution, and the rest of the checks.
-
-    ``settled s`` is the time from which the ring stays within the stated part of the static displacement. It is empty
-    where the ring leaves that in the judged part: it still rings, or is moved by its own rollers. ``apart`` is the RMS
-    difference to SciPy's DOP853 of displacement and velocity, relative, worst of x and y.
-    """
+    """Where each normal bearing settles against the static Hertz solution, and the rest of the checks. ``settled s`` is
+    empty where the ring leaves the stated part of the static displacement in the judged part; ``apart`` is the relative
+    RMS difference to SciPy's DOP853, worst of x and y."""
     for r in healthy:
         v = r.value
         yield {

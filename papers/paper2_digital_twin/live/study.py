@@ -69,11 +69,8 @@ def by_phase(result: Result[jobs.Scenario], arm: str, what: str = "error") -> di
 
 @as_table
 def errors(drifting: Sequence[Result[jobs.Scenario]]) -> Rows:
-    """Relative error of the predicted amplitude spectrum by arm and phase, over machines.
-
-    ``shape`` is what is left when the prediction may be scaled as a whole. ``chance`` is what a perfect twin would
-    show, since a snapshot's own spectrum scatters.
-    """
+    """Relative error of the predicted amplitude spectrum by arm and phase, over machines; ``shape`` after scaling as a
+    whole, ``chance`` that of a perfect twin, since a snapshot's own spectrum scatters."""
     for arm in drifting[0].value["arms"]:
         found = [by_phase(r, arm) for r in drifting]
         shapes = [by_phase(r, arm, "shape") for r in drifting]
@@ -110,11 +107,8 @@ def targets(options: jobs.Options, drifting: Sequence[Result[jobs.Scenario]]) ->
 
 
 def false_alarms(options: jobs.Options, steady: Sequence[Result[jobs.Scenario]]) -> pd.DataFrame:
-    """Alarms of twins whose machine does not drift, against the stated rate; 95 % interval of a Poisson count.
-
-    Every alarm counts, also one that changed nothing.
-    ``held`` is false where the count says that alarms are more frequent than stated.
-    """
+    """Alarms (also those that changed nothing) of twins whose machine does not drift, against the stated rate; 95 %
+    interval of a Poisson count. ``held`` is false where alarms are more frequent than stated."""
     from scipy.stats import chi2
 
     alarms = snapshots = 0

@@ -44,10 +44,8 @@ def run_length(threshold: float, allowance: float, offset: float = 0.0) -> float
 
 
 def false_alarms(threshold: float, allowance: float, charts: int, baseline: int | None = None) -> float:
-    """Alarms per sample of two-sided charts without drift, at most: they are added up, as if none coincided.
-
-    `baseline` samples make the mean in use; None: the mean is known.
-    """
+    """Alarms per sample of two-sided charts without drift, at most: added up as if none coincided. `baseline` samples
+    make the mean in use; None: it is known."""
     if baseline is None:
         return 2 * charts / run_length(threshold, allowance)
     nodes, weights = np.polynomial.hermite_e.hermegauss(NODES)
@@ -89,17 +87,8 @@ class Alarm:
 
 
 class DriftDetector:
-    """Two-sided charts, by name.
-
-    Parameters
-    ----------
-    rate : float
-        False alarms per sample, all charts together.
-    allowance : float
-        k, standard deviations: half the drift that should be found soonest.
-    baseline : int, optional
-        Samples behind the mean against which residuals are taken.
-    """
+    """Two-sided charts, by name: `rate` false alarms per sample, all together; `allowance` k, standard deviations, half
+    the drift that should be found soonest; `baseline` samples behind the mean, if it is not known."""
 
     def __init__(
         self, charts: Sequence[str], rate: float = 0.002, allowance: float = 1.0, baseline: int | None = None

@@ -34,14 +34,8 @@ _Key = tuple[str, float, int | None]
 
 
 class Reorder:
-    """The buffer.
-
-    Attributes
-    ----------
-    counts : Counter
-        (kind, case) -> messages; kinds are "state" and "snapshot"; cases "accepted", "out of order", "repeated",
-        "late", "unusable" and "missing": what has not come when its place in the order has passed.
-    """
+    """The buffer; `counts` are (kind, case) -> messages: of kind "state" or "snapshot", "accepted", "out of order",
+    "repeated", "late", "unusable" or "missing" (has not come when its place in the order has passed)."""
 
     def __init__(self, options: OrderOptions | None = None) -> None:
         self.options = options or OrderOptions()

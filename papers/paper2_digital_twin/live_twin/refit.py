@@ -43,11 +43,8 @@ def relative_error(measured: Sequence[Array], predicted: Sequence[Prediction]) -
 
 
 def deviation(measured: Array, predicted: Prediction, averages: float) -> tuple[Array, Array]:
-    """By how much the logarithms of `FREE` seem to be off, from one snapshot, and the scatter that chance gives it [4].
-
-    The least-squares step, and the roots of its covariance's diagonal: an averaged periodogram's root has the variance
-    P / (4 averages).
-    """
+    """The least-squares step [4] in the logarithms of `FREE` from one snapshot, and the scatter that chance gives it:
+    an averaged periodogram's root has the variance P / (4 averages)."""
     slopes = predicted.slopes
     inverse = np.linalg.pinv(slopes @ slopes.T, rcond=1e-10, hermitian=True)
     offset = inverse @ (slopes @ (measured - predicted.amplitude))
@@ -61,22 +58,11 @@ def refit(
     evaluations: int = 4, bounds: tuple[Array, Array] | None = None, rolling: Sequence[Array] | None = None,
     known: Sequence[Prediction | None] | None = None,
 ) -> Fit:  # fmt: skip
-    """Fit the twin to snapshots; done when a step lowers the error by less than `GAIN`.
+    """Fit the twin to snapshots (amplitude spectra [bins] and their states) from theta [4] on, with at most so many
+    calls of the model; done when a step lowers the error by less than `GAIN`.
 
-    Parameters
-    ----------
-    theta : Array [4]
-        Where the twin stands.
-    measured, states : sequence of Array [bins], of MachineState
-        Amplitude spectra, and the states in which they were taken.
-    evaluations : int
-        Most calls of the model.
-    bounds : (Array [4], Array [4]), optional
-        Of theta.
-    rolling : sequence of Array [bins], optional
-        PSDs of the rollers for each snapshot, to be held; see `SpectrumModel.predict`.
-    known : sequence of Prediction or None, optional
-        For each snapshot what has been predicted of it before, here or elsewhere. Ignored where `rolling` is given.
+    `bounds` are of theta; `rolling` are PSDs of the rollers to be held (see `SpectrumModel.predict`); `known` is what
+    has been predicted of each snapshot before, unless `rolling` is given.
     """
     low, high = bounds if bounds is not None else (np.full(4, -np.inf), np.full(4, np.inf))
     here = np.clip(theta, low, high)

@@ -114,15 +114,8 @@ class Prediction:
 
 
 class SpectrumModel:
-    """Spectra of the contact twin over states and parameters.
-
-    Parameters
-    ----------
-    parameters : ContactParameters
-        What is not free, and clearance at the reference temperature.
-    follow : bool
-        Whether clearance and damping follow temperature.
-    """
+    """Spectra of the contact twin over states and parameters, of which `parameters` give what is not free and the
+    clearance at the reference temperature; `follow`: whether clearance and damping follow temperature."""
 
     def __init__(self, bearing: Bearing, parameters: ContactParameters, laws: Laws, *, follow: bool) -> None:
         self.bearing, self.parameters, self.laws, self.follow = bearing, parameters, laws, follow
@@ -157,19 +150,12 @@ class SpectrumModel:
         self, theta: Array, states: Sequence[MachineState], band: Band, *, slopes: bool = True,
         rolling: Sequence[Array] | None = None, near: Sequence[Prediction | None] | None = None,
     ) -> list[Prediction]:  # fmt: skip
-        """Amplitude spectra at theta [4] in these states, all integrated at once.
+        """Amplitude spectra at theta [4] in these states, all integrated at once, with derivatives if wanted
+        (`slopes`).
 
-        Raises `TwingapError` when the twin cannot be simulated at these parameters.
-
-        Parameters
-        ----------
-        slopes : bool
-            Whether derivatives are wanted; they are 0 otherwise.
-        rolling : sequence of Array [bins], optional
-            PSDs of the rollers, known from a point nearby; they are then held and not integrated.
-        near : sequence of Prediction or None, optional
-            For the same states at another point: where that is `NEAR`, the rollers' part is integrated at `theta`
-            alone, and how it turns with stiffness and damping carried over.
+        `rolling` are PSDs of the rollers [bins] from a point nearby, to be held; where a prediction in `near` is
+        `NEAR`, the rollers' part is integrated at `theta` alone and how it turns with stiffness and damping carried
+        over. Raises `TwingapError` when the twin cannot be simulated at these parameters.
         """
         # Without slopes the middle alone; with them stiffness and damping are shifted both ways.
         shifts = np.zeros((5 if slopes else 1, 4))
@@ -202,12 +188,9 @@ class SpectrumModel:
         return out
 
     def _push(self, mode: Mode, state: MachineState, fs_hz: float) -> float:
-        """RMS of the white force's samples for a level of 1.
-
-        A force of density G^(1/2) on mass m makes an acceleration whose resonant part rings with w G^(1/2): the impulse
-        response of unit gain is multiplied by w. White samples of RMS s have the density s^2 2 / fs. Nothing pushes a
-        machine that stands still, whatever the power of speed.
-        """
+        """RMS of the white force's samples for a level of 1: density G^(1/2) on the mass makes an acceleration that
+        rings with w G^(1/2); white samples of RMS s have the density s^2 2 / fs. Nothing pushes a machine at
+        standstill."""
         if not state.speed_rpm > 0:
             return 0.0
         speed = (state.speed_rpm / REFERENCE_RPM) ** self.laws.speed_power

@@ -86,18 +86,9 @@ class _Seen:
 
 
 class LiveTwin:
-    """A contact twin that is updated from messages; the same messages in the same order make the same twin.
-
-    What it did and why stands in `journal`. Raises `TwingapError` for a band that is too narrow, and for a rate and an
-    allowance that no threshold of the detector goes with.
-
-    Parameters
-    ----------
-    parameters : ContactParameters
-        Where it starts: as identified, or a preset. Damping and clearance are those at `laws.reference_c`.
-    fs_hz : float
-        Of the snapshots.
-    """
+    """A contact twin that is updated from messages, the same for the same messages in the same order; `journal` says
+    what it did and why. It starts from `parameters`, which hold at `laws.reference_c`. Raises `TwingapError` for too
+    narrow a band, and for a rate and an allowance that no threshold of the detector goes with."""
 
     def __init__(
         self, bearing: Bearing, parameters: ContactParameters, fs_hz: float, *, laws: Laws | None = None,
@@ -132,10 +123,8 @@ class LiveTwin:
 
     @property
     def parameters(self) -> ContactParameters:
-        """Of the contact twin, now: without structure noise while the machine stands still.
-
-        Raises `TwingapError` before the first state of a running machine.
-        """
+        """Of the contact twin, now; without structure noise at standstill. `TwingapError` before the first running
+        state."""
         if self._state is None or self._theta is None:
             raise self._not_started()
         return self.model.at(self._theta, self._state, self.band.fs_hz)
@@ -147,11 +136,8 @@ class LiveTwin:
         return self.model.predict(self._theta, [state], self.band, slopes=False)[0].amplitude
 
     def receive(self, message: Message) -> list[Update]:
-        """Take a message as it arrives, whatever its order, and say what it led to; most lead to nothing.
-
-        Raises `TwingapError` when a message that the buffer let go could not be acted on. Those let go with it have
-        been, and what they led to is in the journal.
-        """
+        """Take a message as it arrives, whatever its order, and say what it led to. Raises `TwingapError` when one that
+        the buffer let go could not be acted on, after the others have been."""
         return self._act_on(self._buffer.push(message))
 
     def flush(self) -> list[Update]:

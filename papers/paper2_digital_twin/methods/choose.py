@@ -49,18 +49,8 @@ def choose(
     n_labelled_per_class: Mapping[str, int] | int, n_healthy_windows: int = 0, *,
     false_alarm: float = 0.01, thresholds: Thresholds | None = None,
 ) -> Choice:  # fmt: skip
-    """Choose a method by what is labelled.
-
-    Parameters
-    ----------
-    n_labelled_per_class : mapping or int
-        Fault -> labelled records of it (an entry for every fault to be classified, 0 where there is none); or one
-        number for all.
-    n_healthy_windows : int
-        Windows of healthy vibration.
-    false_alarm : float
-        Wanted false-alarm rate.
-    """
+    """Choose a method by the labelled records of each fault (0 where there is none; or one number for all), the windows
+    of healthy vibration, and the wanted false-alarm rate."""
     counts = {"each fault": n_labelled_per_class} if isinstance(n_labelled_per_class, int) else n_labelled_per_class
     if not counts or min(counts.values()) < 0 or n_healthy_windows < 0:
         raise TwingapError(f"{dict(counts)} labelled records, {n_healthy_windows} healthy windows", where="choose",

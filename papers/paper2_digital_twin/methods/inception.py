@@ -45,11 +45,9 @@ class InceptionBlock(nn.Module):
 
 
 class InceptionNet(nn.Module):
-    """Stem, three blocks, one linear classifier; normalised by groups of channels within an image, not by batch.
-
-    `shape` is channels, carriers (8 or more) and orders (16 or more) of an image; `width` is that of the branches of
-    the first block, and the others have twice as much.
-    """
+    """Stem, three blocks, one linear classifier; normalised by groups of channels within an image. `shape` is channels,
+    carriers (8 or more), orders (16 or more); `width` that of the first block's branches, later ones have twice as
+    much."""
 
     def __init__(self, shape: tuple[int, int, int], n_classes: int, width: int = 6) -> None:
         super().__init__()
@@ -87,11 +85,8 @@ class InceptionTraining:
 def train_inception(
     source: Images, labels: Labels, n_classes: int, settings: InceptionTraining, seed: int
 ) -> list[State]:
-    """Train on labelled (simulated) images: weights at the checkpoints; same seed, same bytes.
-
-    Every image is shown, each time, with its carriers moved by up to two rows and its level channel raised or lowered
-    by a little: where a resonance lies and how loud a mounting is must not matter.
-    """
+    """Train on labelled (simulated) images: weights at the checkpoints; same seed, same bytes. Carriers are moved by up
+    to two rows and the level is varied: where a resonance lies and how loud a mounting is must not matter."""
     with reproducible(seed):
         net = InceptionNet(source.shape[1:], n_classes, settings.width)
         optimiser = torch.optim.AdamW(net.parameters(), lr=settings.learning_rate, weight_decay=settings.weight_decay)

@@ -58,18 +58,8 @@ class ResidualHead:
 def fit_residual_head(
     logits: Array, features: Array, labels: NDArray[np.int64], reference: Array, options: HeadOptions | None = None
 ) -> ResidualHead:
-    """Fit to labelled records; the same for the same records.
-
-    Parameters
-    ----------
-    logits : Array [labelled, classes]
-        Of the network, which must not have learnt from these records: where it has, it looks right and is left alone.
-    features : Array [labelled, features]
-    labels : NDArray[int64] [labelled]
-        Each class weighs alike, as much as the median class has records: those at hand are not how often faults are.
-    reference : Array [records, features]
-        Records of the machine that set the features' scale, labelled or not.
-    """
+    """Fit to labelled records: the network's logits [labelled, classes], which must not have learnt from them, features
+    [labelled, features] and labels, each class of the same weight; `reference` [records, features] sets the scale."""
     own = options or HeadOptions()
     mean, scale = reference.mean(axis=0), reference.std(axis=0)
     scale = np.where(scale > 0, scale, 1.0)

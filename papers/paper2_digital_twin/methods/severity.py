@@ -102,12 +102,9 @@ def scaling_of(features: Array, least_spread: float = 0.0) -> tuple[Array, Array
 
 
 def conformal_threshold(scores: Array, false_alarm: float) -> float:
-    """The score above which a window alarms, from scores of healthy windows that the map did not see.
-
-    The k-th smallest of n scores, k = ceil((n + 1) (1 - false_alarm)): one more score of the same kind exceeds it with
-    a probability of at most `false_alarm` (exactly 1 - k / (n + 1) without ties). Raises `TwingapError` for a rate
-    outside 0 to 1, or fewer scores than the rate needs (99 for 1 %).
-    """
+    """The k-th smallest of n scores of healthy windows that the map did not see, k = ceil((n + 1) (1 - false_alarm)):
+    one more exceeds it with a probability of at most `false_alarm`. Raises `TwingapError` for fewer scores than that
+    needs."""
     if not 0 < false_alarm < 1:
         raise TwingapError(f"false_alarm = {false_alarm!r}, a fraction between 0 and 1 expected", where="threshold")
     n = int(np.size(scores))
@@ -136,19 +133,9 @@ def healthy_map(
     features: Array, groups: NDArray[np.str_], false_alarm: float, rng: np.random.Generator,
     options: MapOptions | None = None, blocks: int = 5,
 ) -> HealthyMap:  # fmt: skip
-    """Train on healthy windows [windows, features] and calibrate the alarm on healthy windows held out.
-
-    Raises `TwingapError` for fewer windows than the rate needs.
-
-    Parameters
-    ----------
-    groups : NDArray[str] [windows]
-        Recording of each window. With two or more, each is held out in turn, so that the threshold knows how much
-        healthy recordings differ; a single one is cut into `blocks` consecutive stretches instead, and then the rate
-        holds for that recording alone.
-    false_alarm : float
-        Rate for a window.
-    """
+    """Train on healthy windows [windows, features] and calibrate the alarm (rate for a window) on recordings (`groups`
+    [windows]) held out in turn; a single one is cut into `blocks` stretches, and the rate holds for it alone. Raises
+    `TwingapError` for fewer windows than the rate needs."""
     own = options or MapOptions()
     parts: NDArray[np.str_] | NDArray[np.int64] = groups
     if np.unique(groups).size < 2:

@@ -88,10 +88,8 @@ def accuracy(runs: pd.DataFrame, available: str) -> Figure:
 
 
 def noise(runs: pd.DataFrame) -> Figure:
-    """Accuracy against the SNR of added noise, mean over tasks, balanced data: Proposed beside one group in each panel.
-
-    Of the runs without noise those with the seeds that noise was run with are taken.
-    """
+    """Accuracy against the SNR of added noise, mean over tasks, balanced data, of the seeds that noise was run with:
+    Proposed beside one group in each panel."""
     own = runs[runs["main"] & (runs["available"] == "balanced")]
     families = list(dict.fromkeys(own["family"]))
     figure, panels = subplots(

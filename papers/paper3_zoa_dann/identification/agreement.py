@@ -63,11 +63,8 @@ def mmd(measured: Array, simulated: Array) -> float:
 
 
 def agreement(measured: Array, simulated: Array, length: int) -> dict[str, float]:
-    """All of it, of two records [samples] with as many windows of `length`, which are scaled to unit RMS.
-
-    ``waveform prd`` (%), ``waveform rmse`` and ``waveform mmd``; ``spectrum prd`` (%) and ``spectrum rmse`` of the mean
-    spectra, ``spectrum mmd`` of the windows' spectra.
-    """
+    """PRD (%), RMSE and MMD of the waveforms and of the spectra of two records [samples], in windows of `length` scaled
+    to unit RMS; PRD and RMSE of spectra are those of their means."""
     x, y = windows(measured, length), windows(simulated, length)
     moved, own, other = aligned(x, y), amplitude_spectra(x), amplitude_spectra(y)
     mean, other_mean = own.mean(axis=0), other.mean(axis=0)

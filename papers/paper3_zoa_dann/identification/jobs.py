@@ -126,10 +126,8 @@ def search(job: Search, fit: RecordSet) -> dict[str, Any]:
 
 
 def compare(job: Comparison, fit: RecordSet, judge: RecordSet) -> dict[str, Any]:
-    """Levels from the first half of the recording; metrics and an excerpt from the second.
-
-    Two readings of the twin: with the noises whose levels were fitted, and the contact alone, as the paper has it.
-    """
+    """Levels from the first half of the recording; metrics and an excerpt from the second, with the noises that were
+    fitted, and of the contact alone, as the paper has it."""
     objective = objective_of(job.fault, job.setting, fit)
     own = replace(objective.twin.parameters, stiffness=job.stiffness, damping=job.damping)
     (parts,) = objective.components([own])

@@ -36,11 +36,8 @@ def all_tables(work: Work) -> dict[str, pd.DataFrame]:
 
 @as_table
 def convergence(searches: Sequence[Result[jobs.Search]]) -> Rows:
-    """Cost that each optimiser has reached when its evaluations are spent, over seeds, and how soon it came near.
-
-    ``near`` is the median number of evaluations after which a run is within 1 % of the least cost that any run of any
-    optimiser found; empty when half of the runs never are.
-    """
+    """Cost that each optimiser has reached in the end, over seeds; ``near`` is the median number of evaluations after
+    which a run is within 1 % of the least cost of all, empty when half of the runs never are."""
     keys = list(dict.fromkeys((r.job.fault, r.job.setting) for r in searches))
     for fault, setting in keys:
         here = [r for r in searches if (r.job.fault, r.job.setting) == (fault, setting)]

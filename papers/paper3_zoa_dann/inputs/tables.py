@@ -31,11 +31,8 @@ def all_tables(work: Work) -> dict[str, pd.DataFrame]:
 
 
 def accuracy(results: Sequence[TaskResult], options: Options, data: str) -> list[dict[str, Any]]:
-    """One row per task, input and method, then the yardsticks; accuracies as fractions.
-
-    ``oracle`` is the accuracy of the checkpoint that target labels would have chosen: no method may claim it.
-    "chosen by ..." takes, for each seed, the input and method with the highest label-free score.
-    """
+    """A row per task, input and method, then the yardsticks. ``oracle`` is of the checkpoint that target labels would
+    have chosen; "chosen by ..." takes, for each seed, the input and method with the highest label-free score."""
     rows = []
     for result in results:
         for (view, method), trainings in result.cells.items():
@@ -139,10 +136,8 @@ def selection(results: Sequence[TaskResult], data: str) -> Rows:
 
 
 def adaptation(results: Sequence[TaskResult], options: Options, data: str) -> list[dict[str, Any]]:
-    """What adaptation adds: accuracy of DANN minus that without, paired by seed, mean over tasks, by input.
-
-    ``domain_accuracy`` is the discriminator's in the end; 0.5 is a domain that it can no longer tell.
-    """
+    """What adaptation adds: accuracy of DANN minus that without, paired by seed, mean over tasks, by input;
+    ``domain_accuracy`` is the discriminator's in the end (0.5: it can no longer tell)."""
     rows = []
     for view in dict.fromkeys(view for result in results for view, _ in result.cells):
         gains, told = [], []
