@@ -1,7 +1,5 @@
 """Digest of a module and of everything in this project that it imports: the code that a result depends on.
 
-module --its source--> import statements --each in turn--> closure: module -> file --> sha256
-
 Imports inside functions count, those for type checkers do not. Standard library and installed packages are left out.
 """
 

@@ -1,8 +1,4 @@
-"""The papers, each a list of studies that run one after the other, so that each has all cores.
-
-study --> study --> ... --> headlines: one list of rows --> the caller
-(each: jobs in OUT/results, tables, a nested run)
-"""
+"""The papers, each a list of studies that run one after the other, so that each has all cores."""
 
 from __future__ import annotations
 

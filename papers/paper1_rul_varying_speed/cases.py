@@ -1,7 +1,4 @@
-"""Runs to predict: what is known of each at the moment of prediction, and, for evaluation alone, its continuation.
-
-Smart Maintenance set, or virtual rig --> run by run --> Case: twin, records up to now | later rows, the truth
-"""
+"""Runs to predict: what is known of each at the moment of prediction, and, for evaluation alone, its continuation."""
 
 from __future__ import annotations
 

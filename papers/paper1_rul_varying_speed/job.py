@@ -1,8 +1,4 @@
-"""One training and its evaluation: the job that the sweep runs for each bearing, model and seed.
-
-twin --> simulated lives, labelled --+--> train --> checkpoints --> choose without labels --> judge on the whole run
-records up to now, no labels --------+
-"""
+"""One training and its evaluation: the job that the sweep runs for each bearing, model and seed."""
 
 from __future__ import annotations
 

@@ -1,9 +1,4 @@
-"""One training and its evaluation: the job that the sweep runs for each task, input, method and seed.
-
-source (labelled) ---+--> train --> checkpoints --> select without target labels --> judge on other recordings
-adapt (no labels) ---+                                      |                                   |
-                                                    scores of every criterion         oracle, in a column of its own
-"""
+"""One training and its evaluation: the job that the sweep runs for each task, input, method and seed."""
 
 from __future__ import annotations
 

@@ -1,7 +1,4 @@
-"""Whether one method beats another: exact sign-flip tests of paired differences, corrected for their number.
-
-accuracies of two methods, paired by task and seed --> differences --> p of their sum under all sign flips --> Holm
-"""
+"""Whether one method beats another: exact sign-flip tests of paired differences, corrected for their number."""
 
 from __future__ import annotations
 

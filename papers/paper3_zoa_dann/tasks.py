@@ -1,7 +1,4 @@
-"""Target data: recordings to adapt to and to evaluate on.
-
-data set, or virtual rig --> recordings --> Task: adapt (labels taken away) | evaluate (other recordings, labelled)
-"""
+"""Target data: recordings to adapt to and to evaluate on."""
 
 from __future__ import annotations
 

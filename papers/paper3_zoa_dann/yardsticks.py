@@ -1,8 +1,4 @@
-"""Reference results for comparison: guessing, and the analyst's rule on the envelope spectrum.
-
-windows --> band (whole, or most impulsive) --> squared-envelope spectrum --> prominence at the fault orders
-        --> the strongest, or healthy
-"""
+"""Reference results for comparison: guessing, and the analyst's rule on the envelope spectrum."""
 
 from __future__ import annotations
 

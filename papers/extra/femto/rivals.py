@@ -1,8 +1,5 @@
 """Usual estimators of remaining life for comparison: each causal, with the same input as the online estimator.
 
-rows since the onset: revolutions, log amplitude --exponential fit, particle filter--> remaining revolutions
-features of every row, runs that ended ----------random forest----------------------> remaining revolutions
-
 They share the health indicator, the alarm and the end level with `online`, so that what differs is the prediction
 alone; and what other runs say (a usual life after the onset) where their own model has no answer.
 """

@@ -1,8 +1,4 @@
-"""One diagnosis of the life-gap study: records of a stage and speed, the twin's beside them, the verdict as a row.
-
-case (rig) ----stage, speed--> records + the twin's at their speeds and peaks to peak --+--> `twingap.gap` --> row
-snapshots (FEMTO) --before or after the alarm--> records -------------------------------+
-"""
+"""One diagnosis of the life-gap study: records of a stage and speed, the twin's beside them, the verdict as a row."""
 
 from __future__ import annotations
 

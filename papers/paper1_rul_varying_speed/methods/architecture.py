@@ -1,12 +1,4 @@
-"""Parts and sizes of the network for remaining life, without torch: the five models that the paper compares.
-
-                   sequence  speed  adversarial
-CNN                no        no     no
-DANN               no        no     yes
-Proposed model 1   no        yes    no
-Proposed model 2   yes       no     no
-Proposed model 3   yes       yes    yes
-"""
+"""Parts and sizes of the network for remaining life, without torch: the five models that the paper compares."""
 
 from __future__ import annotations
 

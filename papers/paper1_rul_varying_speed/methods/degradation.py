@@ -1,8 +1,5 @@
 """Growth of damage after the anomaly (eq. 12), and trajectories to failure that may follow.
 
-normalised peak to peak, rows after K_anomaly --eq. 12--> DamageFit: rate a
-rate a, S, speed profile, end-of-life limit --------------> central end of life --Simulation range--> Trajectory, ...
-
 A row k counts measurements; with times in s instead, rates are per s. Source: section 3.4 of paper 1.
 """
 

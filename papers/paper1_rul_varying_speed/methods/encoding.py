@@ -1,9 +1,5 @@
 """Encodings of a record's place in the run and of its speed, for a network (eq. 13).
 
-row after the anomaly, 1, 2, ... ----------------+
-                                                 +--eq. 13--> [rows, d_model] sines and cosines
-speed --> its rank among operating speeds, 1 = lowest
-
 Source: section 3.5 of paper 1, after Vaswani et al. 2017, Attention is all you need, arXiv:1706.03762.
 """
 

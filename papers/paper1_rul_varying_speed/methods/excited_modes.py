@@ -1,9 +1,5 @@
 """Modes that a growing defect excites, from spectra before and after the anomaly.
 
-records after K_anomaly, up to now --PSD--+
-                                          +-- difference --> hills --> frequency, damping (half power), gain
-healthy records of the same speeds --PSD--+
-
 Eq. 8 of paper 1 reads the one dominant mode off healthy records. What dominates those, rolling noise through a low mode
 say, need not be a mode that impacts excite; the excess over them is, and it needs no label either.
 """

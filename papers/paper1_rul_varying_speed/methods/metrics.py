@@ -1,8 +1,5 @@
 """Metrics of predicted remaining life against the true one.
 
-true remaining life [rows], predicted [rows], interval [rows, 2] --> RMSE, alpha-lambda, relative accuracy, horizon,
-                                                                     score of the PHM 2012 challenge, coverage
-
 Rows are in order of time, the last nearest to the end of life, and remaining life is in any one unit. A row without a
 prediction (NaN) counts as a miss where hits are counted, and is left out of means. Sources: Saxena, Celaya, Saha, Saha,
 Goebel 2010, Metrics for offline evaluation of prognostic performance, International Journal of Prognostics and Health

@@ -1,9 +1,5 @@
 """Network that predicts remaining life from a record, its speed and its place in the run; plain or adversarial.
 
-record [batch, samples] --conv, pool, conv, pool--> features [batch, 112] --+
-sequence encoding [batch, 24] ----------------------------------------------+--> joined --> regressor --> life
-speed encoding [batch, 24] -------------------------------------------------+        \\--> reversal --> discriminator
-
 Which of the encodings and whether the discriminator take part are options of one network, so that two models differ in
 nothing else. Source: section 3.7, tables 1, 2 and 4 of paper 1.
 """

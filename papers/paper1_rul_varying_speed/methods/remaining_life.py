@@ -1,7 +1,5 @@
 """Remaining life in revolutions and in time, when speed varies (eq. 14, section 3.6 of paper 1).
 
-speeds until the end --eq. 14--> remaining revolutions [rows] (labels) --/ speed--> remaining time, at the present speed
-
 A bearing wears by the revolution: remaining revolutions fall smoothly whatever the speed does, and remaining time jumps
 with it. At constant speed remaining time has slope -1.
 """

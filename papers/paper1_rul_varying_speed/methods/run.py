@@ -1,7 +1,4 @@
-"""Run of one bearing, row by row: time, speed, amplitude; and the planned speed.
-
-records --peak to peak--> Run: time, speed, amplitude [rows] --> speed profile seen, and planned by repeating itself
-"""
+"""Run of one bearing, row by row: time, speed, amplitude; and the planned speed."""
 
 from __future__ import annotations
 

@@ -1,7 +1,4 @@
-"""Figures of the availability study, in colours that colour-blind readers tell apart (Okabe and Ito 2008).
-
-accuracy over labelled records --> crossing points;  alarms --> severity by recording
-"""
+"""Figures of the availability study, in colours that colour-blind readers tell apart (Okabe and Ito 2008)."""
 
 from __future__ import annotations
 

@@ -1,10 +1,4 @@
-"""Recordings of the availability study, cut into pieces of equal shaft angle; folds and labels.
-
-recording --cut--> pieces of some turns (the labelled "records") --> modulation, features
-              +--> short windows --> features for the healthy map
-recordings --by recording (shuffled by seed) or by bearing--> folds: learn | judge
-learn --n records of each fault, from as many recordings as there are--> labelled
-"""
+"""Recordings of the availability study, cut into pieces of equal shaft angle; folds and labels."""
 
 from __future__ import annotations
 

@@ -1,7 +1,4 @@
-"""Tables of the availability study.
-
-jobs --> calls of every recording by seed --> accuracy, crossing points;  alarms --> severity, size;  checks --> rates
-"""
+"""Tables of the availability study."""
 
 from __future__ import annotations
 

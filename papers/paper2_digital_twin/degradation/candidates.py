@@ -1,7 +1,4 @@
-"""Health indicators of every run: candidates, their criteria, and the choice that other runs make for it.
-
-runs to failure --> features --> candidates (healthy start) --> criteria --> chosen on other runs; fusion feature 9
-"""
+"""Health indicators of every run: candidates, their criteria, and the choice that other runs make for it."""
 
 from __future__ import annotations
 

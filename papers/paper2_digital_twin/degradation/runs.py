@@ -1,9 +1,4 @@
-"""Runs to failure as features along running time: IMS from raw snapshots or feature tables, FEMTO raw, or simulated.
-
-FEMTO, raw IMS --job per bearing--> 15 features [rows, 15], extremes and spectral kurtosis for figures
-IMS feature tables --the columns that correspond--> 8 or 11 features, 4 stand-ins
-                  --pauses cut out of the clock; silent records told apart--> StudyRun
-"""
+"""Runs to failure as features along running time: IMS from raw snapshots or feature tables, FEMTO raw, or simulated."""
 
 from __future__ import annotations
 

@@ -1,7 +1,4 @@
-"""Tables of the degradation study.
-
-runs --> runs, fusion9, choice;  analyses --> fits, errors, pairs, lives;  coverage;  all --> claims
-"""
+"""Tables of the degradation study."""
 
 from __future__ import annotations
 

@@ -1,7 +1,5 @@
 """Motion in the contact model: displacement and velocity of the inner ring.
 
-Job (bearing, parameters, condition, angles) --> kernel, one sample at a time --> x, y, vx, vy at every sample
-
 The kernel of `contact_kernel` hands back a trajectory's state where a call ends. Here every call lasts one sample, so
 that each state is seen; the trajectory is that of one long call, to the bit, because the kernel anchors its recurrences
 anew at every sample. Figures 5 and 6 of paper 2 (a normal bearing settling to balance) are of these quantities.

@@ -1,7 +1,4 @@
-"""Figures of the dynamics study: a normal bearing that settles (figures 5 and 6 of the paper), and injected faults.
-
-healthy --> displacement, velocity in x and y; the same against SciPy;  faulty --> waveforms, envelope spectra
-"""
+"""Figures of the dynamics study: a normal bearing that settles (figures 5 and 6 of the paper), and injected faults."""
 
 from __future__ import annotations
 

@@ -1,7 +1,5 @@
 """Reference implementation of the contact model: static Hertz solution, and integration by SciPy.
 
-parameters, cage angle --root finder--> where the ring rests;  the same forces --DOP853--> displacement, velocity
-
 Shares no line with the twin's kernel, so that agreement says something. The healthy bearing alone: what figure 6 of the
 paper took from its reference [32].
 """

@@ -1,7 +1,4 @@
-"""Dynamics study, and its tables.
-
-healthy bearings --> balance (settled where the static solution is? energy? SciPy?);  faulty ones --> faults (orders)
-"""
+"""Dynamics study, and its tables."""
 
 from __future__ import annotations
 

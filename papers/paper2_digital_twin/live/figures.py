@@ -1,7 +1,4 @@
-"""Figures of the study of live updating: one machine's day.
-
-first machine --> temperature, errors by arm, stiffness and damping against the truth
-"""
+"""Figures of the study of live updating: one machine's day."""
 
 from __future__ import annotations
 

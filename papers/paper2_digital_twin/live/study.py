@@ -1,7 +1,4 @@
-"""Study of live updating, and its tables.
-
-drifting machines --> errors (arm x phase), targets, messages, cost;  steady machines --> false alarms
-"""
+"""Study of live updating, and its tables."""
 
 from __future__ import annotations
 

@@ -1,7 +1,5 @@
 """Drift detector: two-sided cumulative sums on several charts, with a false-alarm rate that is computed.
 
-residuals, in standard deviations --> up and down sum of each chart --> above the threshold? --> which, since when
-
 Page's sums (1954, doi:10.1093/biomet/41.1-2.100), S+ = max(0, S+ + z - k), raise an alarm at S > h. Their mean run
 length without drift is found by Brook and Evans' Markov chain (1972, doi:10.1093/biomet/59.3.539). The mean against
 which residuals are taken is itself an average of some snapshots: its error, which lets sums climb, is averaged over.

@@ -1,8 +1,4 @@
-"""Laws of clearance and damping with temperature.
-
-temperature --> inner ring warmer than outer ring --> clearance
-            --> oil viscosity (Walther) -----------> damping of the film, beside damping that stays
-"""
+"""Laws of clearance and damping with temperature."""
 
 from __future__ import annotations
 

@@ -1,8 +1,4 @@
-"""Messages to a live twin: frequent states, occasional vibration.
-
-thermometer, tachometer, load cell --> StateMessage --+
-accelerometer ------------------------> Snapshot -----+--> `order.Reorder` --> `twin.LiveTwin`
-"""
+"""Messages to a live twin: frequent states, occasional vibration."""
 
 from __future__ import annotations
 

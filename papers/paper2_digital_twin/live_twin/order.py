@@ -1,9 +1,5 @@
 """Buffer that puts messages in order of time, and counts those that it cannot use.
 
-arriving messages --> usable? --> new? --> not behind the watermark? --> heap --> in order of time
-                        |          |            |
-                    unusable    repeated       late
-
 The watermark is the latest time seen less the lateness allowed (Akidau et al. 2015, doi:10.14778/2824032.2824076): what
 is older than it has been let go, and whatever comes from before that is too late. Clocks are taken to be right.
 """

@@ -1,7 +1,5 @@
 """Fit of stiffness, damping and levels to snapshots by least squares on amplitude spectra.
 
-measured amplitudes, states --> residuals, slopes --> Levenberg-Marquardt step in logarithms --> better? --> again
-
 The error is the one that paper 3 names for identification (section 2.2: root-mean-square error of spectra), relative to
 the measured spectrum. A local search is enough where the twin has been right a short while ago; a few steps, each one
 call of the kernel, make an update.

@@ -1,8 +1,4 @@
-"""Hand-made features of a bearing's condition, for methods that learn from few records.
-
-windows --time-domain shape, level in bands--> window features --mean over a piece--+
-pieces --order spectra of all carriers (`scalograms`)--> fault lines --+--> piece features
-"""
+"""Hand-made features of a bearing's condition, for methods that learn from few records."""
 
 from __future__ import annotations
 

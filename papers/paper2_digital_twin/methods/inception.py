@@ -1,7 +1,5 @@
 """An Inception-style network for small images, trained on simulated ones.
 
-image [channels, carriers, orders] --stem, inception x 3--> maps --mean and max over carriers, orders kept--> logits
-
 Each block has the four branches of Szegedy et al. 2015 (DOI 10.1109/CVPR.2015.7298594): 1x1; 1x1 then 3x3; 1x1 then
 5x5, made of two 3x3 as in Inception V3 (DOI 10.1109/CVPR.2016.308), which paper 2 names; pooling then 1x1. The 1x1
 bottlenecks keep it small. V3 itself expects 299 x 299 photographs and 24 million weights; a twin's images are 16 x 96.

@@ -1,8 +1,5 @@
 """Correction of a trained network near labelled records, by a Gaussian process.
 
-network --log probabilities x trust--> mean ---+
-features of records --squared exponential--> Gaussian process about it --labelled records--> logits --> probabilities
-
 A network from a twin is wrong about one machine in ways that its own weights cannot unlearn: a ball that shows the
 inner race's line is, as an image, an inner race. The process works on features that the network does not see. Near
 labelled records it follows them; far from all of them its mean, the network, is what is left. Rasmussen and Williams,

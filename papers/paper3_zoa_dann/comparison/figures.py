@@ -1,8 +1,4 @@
-"""Figures of the comparison, in colours that colour-blind readers tell apart (Okabe and Ito 2008; cividis).
-
-trials --> accuracy by task, SNR curves;  confusion matrices and t-SNE of the first task of each data set, with and
-without noise
-"""
+"""Figures of the comparison, in colours that colour-blind readers tell apart (Okabe and Ito 2008; cividis)."""
 
 from __future__ import annotations
 

@@ -1,7 +1,5 @@
 """Tables of the comparison, each made from the table of trials, so that the order of trials cannot matter.
 
-trials --> one sorted row each --> accuracy by task, means over tasks, noise, tests, selection, confusion, published
-
 ``accuracy`` is that of the checkpoint chosen without target labels. ``oracle`` is that of the checkpoint that target
 labels would have chosen, and stands in a column of its own since no method may claim it. ``strict`` counts windows of
 bearings alone of which nothing was adapted to; the healthy bearing, of which there is one, is not among them.

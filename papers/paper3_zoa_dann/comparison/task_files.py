@@ -1,8 +1,5 @@
 """Tasks A1-A4 and B1-B3, one file each under tasks/: records to adapt to and to evaluate on.
 
-tasks/A1.toml --> TaskFile --+
-record set ------------------+--> material: windows to adapt to (no labels), windows to judge on, bearings of both
-
 Labels decide what an experiment is given to adapt to (as many healthy windows as that, as many of each fault), as they
 would decide which machines stand in the hall; they are then taken away. Methods see windows without them.
 """

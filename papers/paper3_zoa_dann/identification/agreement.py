@@ -1,8 +1,5 @@
 """Distance of simulated signals from measured ones: PRD, RMSE and MMD, of waveforms and of spectra.
 
-measured, simulated records --windows of unit RMS--> waveforms, each pair aligned --> PRD, RMSE, MMD
-                                                 --> amplitude spectra ------------> PRD, RMSE, MMD
-
 The paper's formulas are lost with its equations; these are the usual ones. Windows are scaled to unit RMS, since the
 paper's load of 12 kN makes the twin vibrate a hundred times too strongly; PRD and RMSE then say the same. A phase that
 no model predicts is taken out by shifting each simulated window (circularly) to where it correlates best.

@@ -1,7 +1,4 @@
-"""Figures of the identification study, in colours that colour-blind readers tell apart (Okabe and Ito 2008).
-
-searches --> convergence;  comparisons, measured records --> waveforms and envelope spectra, fault frequencies marked
-"""
+"""Figures of the identification study, in colours that colour-blind readers tell apart (Okabe and Ito 2008)."""
 
 from __future__ import annotations
 

@@ -1,7 +1,4 @@
-"""Identification study, and its tables.
-
-searches --> convergence (cost by optimiser);  comparisons --> agreement, drops;  recoveries --> recovery
-"""
+"""Identification study, and its tables."""
 
 from __future__ import annotations
 
