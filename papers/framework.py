@@ -21,8 +21,8 @@ from typing import TYPE_CHECKING, Any, ParamSpec
 
 from papers.figures import style
 from papers.imports import digest_of_imports
+from papers.options import read
 from twingap import TwingapError, files
-from twingap.config import build, read_toml
 from twingap.provenance import digest_of_path, plain
 from twingap.sweep import BACKENDS, Result, sweep
 from twingap.track import NullTracker, Run
@@ -72,7 +72,6 @@ class Study:
     headlines: tuple[str, ...] = ()  # tables that are printed at the end
     columns: Mapping[str, tuple[str, ...]] = field(default_factory=dict)  # of headlines, where not all are printed
     data: str = ""  # where the numbers come from, unless a step says it
-    check: Callable[[Any, Path], None] | None = None  # raises `TwingapError` for what types of options cannot say
     metrics: Callable[[Work], Mapping[str, float | None]] = _nothing  # logged
     at_hand: Callable[[Path | None], bool] = lambda root: True  # in that data root; else a paper leaves the study out
     letters: tuple[int, int] = (13, 12)  # sizes of letters in figures, and of those in legends, points
@@ -82,11 +81,7 @@ class Study:
 
     def read(self, config: Path | None = None) -> Any:
         """The options; errors name file, key, value and what was expected."""
-        path = config or self.config
-        options = build(self.options, read_toml(path), path)
-        if self.check is not None:
-            self.check(options, path)
-        return options
+        return read(self.options, config or self.config)
 
     def run(
         self, profile: str = "smoke", *, out: Path, root: Path | None = None, seed: int = 0, backend: str = "loky",

@@ -56,6 +56,10 @@ class Options:
     methods: tuple[str, ...]
     profiles: dict[str, Size]
 
+    def __post_init__(self) -> None:
+        for name in self.methods:
+            expect(name, [own for own in METHODS if METHODS[own].architecture is not None], "methods")
+
 
 @dataclass(frozen=True)
 class Trial:
@@ -69,12 +73,6 @@ class Trial:
     held_out: float
     criterion: str
     recipe: Recipe
-
-
-def check(options: Options, path: Path) -> None:
-    """Refuse methods that there are none of, or that have no network."""
-    for name in options.methods:
-        expect(name, [own for own in METHODS if METHODS[own].architecture is not None], f"{path}: methods")
 
 
 def results(work: Work) -> list[tuple[str, Result[Trial]]]:

@@ -32,7 +32,6 @@ STUDY = Study(
     name="layers",
     title="what the layers keep of the classes",
     options=jobs.Options,
-    check=jobs.check,
     steps=(Step("results", jobs.results),),
     tables=tables,
     headlines=("layers", "layers-checkpoints"),

@@ -65,6 +65,11 @@ class Scenario:
     overlap: float
     published: tuple[int, ...]
 
+    def __post_init__(self) -> None:
+        expect(self.data, TITLES, "data")
+        if self.window < 2 or not 0 <= self.overlap < 1 or len(self.published) != 2:
+            raise TwingapError("window > 1, 0 <= overlap < 1 and two published counts expected")
+
 
 @dataclass(frozen=True)
 class Size:
@@ -82,6 +87,12 @@ class Options:
     fleets_windows: int
     scenarios: dict[str, Scenario]
     profiles: dict[str, Size]
+
+    def __post_init__(self) -> None:
+        expect(self.criterion, CRITERIA, "criterion")
+        for profile, size in self.profiles.items():
+            for name in size.scenarios:
+                expect(name, self.scenarios, f"profiles.{profile}.scenarios")
 
 
 @dataclass(frozen=True)
@@ -125,19 +136,6 @@ class Trial:
     most: int
     trees: int
     fleets: int
-
-
-def check(options: Options, path: Path) -> None:
-    """Refuse names that do not exist, and windows that cannot be cut."""
-    expect(options.criterion, CRITERIA, f"{path}: criterion")
-    for profile, size in options.profiles.items():
-        for name in size.scenarios:
-            expect(name, options.scenarios, f"{path}: profiles.{profile}.scenarios")
-    for name, own in options.scenarios.items():
-        expect(own.data, TITLES, f"{path}: scenarios.{name}.data")
-        if own.window < 2 or not 0 <= own.overlap < 1 or len(own.published) != 2:
-            what = "window > 1, 0 <= overlap < 1 and two published counts expected"
-            raise TwingapError(what, where=f"{path}: scenarios.{name}")
 
 
 @lru_cache(maxsize=2)

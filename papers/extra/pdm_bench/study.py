@@ -45,7 +45,6 @@ STUDY = Study(
     name="pdm_bench",
     title="frozen scenarios of pdm-bench",
     options=jobs.Options,
-    check=jobs.check,
     steps=(Step("splits", jobs.load_splits), Step("rows", jobs.read_rows), Step("results", jobs.results)),
     tables=all_tables,
     headlines=("pdm_bench-scenarios", "pdm_bench-mean"),

@@ -73,23 +73,21 @@ class Options:
     head: HeadOptions
     profiles: dict[str, Size]
 
-
-def check(options: Options, path: Path) -> None:
-    """Refuse what the types of the entries allow and the study cannot do."""
-    expect(options.criterion, CRITERIA, f"{path}: criterion")
-    for name in options.data:
-        expect(name, TITLES, f"{path}: data")
-    if options.folds < 2 or any(count < 1 for count in options.counts):
-        raise TwingapError("two folds or more and counts of 1 or more expected", where=path)
-    if options.head.length <= 0 or options.head.variance <= 0 or options.head.trust < 0:
-        raise TwingapError("length and variance above 0, trust of 0 or more expected", where=f"{path}: head")
-    if max(options.source.pooled) != options.source.pooled[-1]:
-        raise TwingapError(f"source.pooled = {list(options.source.pooled)}, rising numbers expected", where=path)
+    def __post_init__(self) -> None:
+        expect(self.criterion, CRITERIA, "criterion")
+        for name in self.data:
+            expect(name, TITLES, "data")
+        if self.folds < 2 or any(count < 1 for count in self.counts):
+            raise TwingapError("two folds or more and counts of 1 or more expected")
+        if self.head.length <= 0 or self.head.variance <= 0 or self.head.trust < 0:
+            raise TwingapError("length and variance above 0, trust of 0 or more expected", where="head")
+        if max(self.source.pooled) != self.source.pooled[-1]:
+            raise TwingapError(f"source.pooled = {list(self.source.pooled)}, rising numbers expected")
 
 
 def read_options(path: Path = CONFIG) -> Options:
     """The study's configuration, for studies that share it."""
-    return read(Options, check, path)
+    return read(Options, path)
 
 
 @dataclass(frozen=True)

@@ -12,8 +12,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, Literal
 
 import numpy as np
 from scipy.signal import lfilter
@@ -49,25 +48,18 @@ class Options(Reading):
     raw_run: str
     indicators: tuple[str, ...]
     primary: tuple[str, ...]
-    error: str
+    error: Literal["rest", "next"]
     interval_level: float
     simulated_rows: int
     simulated_noise: float
     profiles: dict[str, Size]
 
-
-def check(options: Options, path: Path) -> None:
-    """Refuse models, indicators and errors that there are none of."""
-    if len(options.primary) != 2 or not set(options.primary) <= set(MODELS):
-        known = ", ".join(MODELS)
-        raise TwingapError("two models expected", where=f"{path}: primary", mend=f"use two of {known}")
-    if "rms" not in options.indicators or not set(options.indicators) <= set(INDICATORS):
-        raise TwingapError(
-            f"{list(options.indicators)} found", where=f"{path}: indicators",
-            mend=f"use rms and any of {', '.join(INDICATORS[1:])}",
-        )  # fmt: skip
-    if options.error not in ("rest", "next"):
-        raise TwingapError(f"{options.error!r} found", where=f"{path}: error", mend="use rest or next")
+    def __post_init__(self) -> None:
+        if len(self.primary) != 2 or not set(self.primary) <= set(MODELS):
+            raise TwingapError("two models expected", where="primary", mend=f"use two of {', '.join(MODELS)}")
+        if "rms" not in self.indicators or not set(self.indicators) <= set(INDICATORS):
+            mend = f"use rms and any of {', '.join(INDICATORS[1:])}"
+            raise TwingapError(f"{list(self.indicators)} found", where="indicators", mend=mend)
 
 
 @dataclass(frozen=True)

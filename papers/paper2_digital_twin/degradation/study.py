@@ -7,7 +7,6 @@ STUDY = Study(
     name="degradation",
     title="degradation curves",
     options=jobs.Options,
-    check=jobs.check,
     steps=(
         Step("runs", jobs.runs),
         Step("judged", jobs.judged),

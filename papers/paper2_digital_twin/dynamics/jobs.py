@@ -14,7 +14,6 @@ from __future__ import annotations
 import itertools
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, Literal
 
 import numpy as np
@@ -56,6 +55,11 @@ class Options:
     within: float
     profiles: dict[str, Size]
 
+    def __post_init__(self) -> None:
+        expect(self.bearing, BEARINGS, "bearing")
+        for setting, fault in itertools.product(self.settings, self.faults):
+            expect(fault, PRESETS[setting].defect_depth_um, "faults")
+
 
 @dataclass(frozen=True)
 class Case:
@@ -72,13 +76,6 @@ class Case:
     reference_s: float
     settled_part: float
     within: float
-
-
-def check(options: Options, path: Path) -> None:
-    """Refuse a bearing or a fault that there is no model of."""
-    expect(options.bearing, BEARINGS, f"{path}: bearing")
-    for setting, fault in itertools.product(options.settings, options.faults):
-        expect(fault, PRESETS[setting].defect_depth_um, f"{path}: faults")
 
 
 def cases(work: Work, faults: tuple[str, ...], duration_s: float) -> Iterator[Case]:

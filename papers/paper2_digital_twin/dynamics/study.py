@@ -51,7 +51,6 @@ STUDY = Study(
     name="dynamics",
     title="contact dynamics, simulated",
     options=jobs.Options,
-    check=jobs.check,
     steps=(
         Step("healthy", jobs.settle, lambda work: jobs.cases(work, ("healthy",), work.options.settle_s)),
         Step("faulty", jobs.strike, lambda work: jobs.cases(work, work.options.faults, work.options.fault_s)),

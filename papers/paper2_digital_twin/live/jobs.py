@@ -14,7 +14,6 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Iterator
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, Literal
 
 import numpy as np
@@ -71,6 +70,9 @@ class Options:
     poor_line: Line
     profiles: dict[str, Size]
 
+    def __post_init__(self) -> None:
+        expect(self.bearing, BEARINGS, "bearing")
+
 
 @dataclass(frozen=True)
 class Scenario:
@@ -89,11 +91,6 @@ class Scenario:
     false_alarms: float
     line: Line
     arms: tuple[str, ...]
-
-
-def check(options: Options, path: Path) -> None:
-    """Refuse a bearing that there is no model of."""
-    expect(options.bearing, BEARINGS, f"{path}: bearing")
 
 
 def drifting(work: Work) -> Iterator[Scenario]:

@@ -154,7 +154,6 @@ STUDY = Study(
     title="live updating",
     data=DATA,
     options=jobs.Options,
-    check=jobs.check,
     steps=(Step("drifting", jobs.live_through, jobs.drifting), Step("steady", jobs.live_through, jobs.steady)),
     tables=all_tables,
     metrics=metrics,

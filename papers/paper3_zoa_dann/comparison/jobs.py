@@ -67,6 +67,13 @@ class Size:
     evaluations: int
     rig_duration_s: float
 
+    def __post_init__(self) -> None:
+        if min(self.seeds, self.steps, self.bearings_per_class, self.records_per_bearing) < 1:
+            raise TwingapError("seeds, steps, bearings and records are at least 1")
+        if len(self.noise_seeds) != len(self.snr_db) or not all(0 <= count <= self.seeds for count in self.noise_seeds):
+            found = f"noise_seeds = {list(self.noise_seeds)}"
+            raise TwingapError(f"{found}, one of 0 to seeds = {self.seeds} for each of snr_db expected")
+
 
 @dataclass(frozen=True)
 class Options:
@@ -81,27 +88,17 @@ class Options:
     training: Training
     profiles: dict[str, Size]
 
-
-def check(options: Options, path: Path) -> None:
-    """Refuse what the types of the entries allow and the comparison cannot do."""
-    for name, methods in (("references", options.references), ("rivals", options.rivals)):
-        for method in methods:
-            expect(method, ALL, f"{path}: {name}")
-    for family, names in options.closed.items():
-        for effect in names:
-            expect(effect, catalogue(), f"{path}: closed.{family}")
-    for name, size in options.profiles.items():
-        where = f"{path}: profiles.{name}"
-        if min(size.seeds, size.steps, size.bearings_per_class, size.records_per_bearing) < 1:
-            raise TwingapError("seeds, steps, bearings and records are at least 1", where=where)
-        if len(size.noise_seeds) != len(size.snr_db) or not all(0 <= count <= size.seeds for count in size.noise_seeds):
-            found = f"noise_seeds = {list(size.noise_seeds)}"
-            raise TwingapError(f"{found}, one of 0 to seeds = {size.seeds} for each of snr_db expected", where=where)
+    def __post_init__(self) -> None:
+        for method in (*self.references, *self.rivals):
+            expect(method, ALL, "references, rivals")
+        for family, names in self.closed.items():
+            for effect in names:
+                expect(effect, catalogue(), f"closed.{family}")
 
 
 def read_options(path: Path = CONFIG) -> Options:
     """The comparison's configuration, for studies that share it."""
-    return read(Options, check, path)
+    return read(Options, path)
 
 
 @dataclass(frozen=True)

@@ -66,11 +66,9 @@ class Options:
     machine_duration_s: float
     profiles: dict[str, Size]
 
-
-def check(options: Options, path: Path) -> None:
-    """Refuse faults that there is no contact model of."""
-    for setting, fault in itertools.product(options.settings, options.faults):
-        expect(fault, PRESETS[setting].defect_depth_um, f"{path}: faults")
+    def __post_init__(self) -> None:
+        for setting, fault in itertools.product(self.settings, self.faults):
+            expect(fault, PRESETS[setting].defect_depth_um, "faults")
 
 
 @dataclass(frozen=True)

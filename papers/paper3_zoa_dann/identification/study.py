@@ -113,7 +113,6 @@ STUDY = Study(
     name="identification",
     title="identification of the twin",
     options=jobs.Options,
-    check=jobs.check,
     steps=(
         Step("halves", jobs.halves),
         Step("searches", jobs.search, jobs.searches, jobs.fit),

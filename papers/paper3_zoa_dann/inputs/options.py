@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final, Literal
+from typing import Any, Final, Literal
 
 from papers.options import expect, read
 from twingap import TwingapError
@@ -13,14 +13,14 @@ from twingap.adapt import CRITERIA, VIEWS, Training
 from twingap.effects import catalogue
 
 CONFIG: Final = Path(__file__).with_name("config.toml")
-RANGES: Final = {
-    "source": (
-        "width_mm", "depth_share", "clearance_um", "load_n", "snr_db", "resonance_hz", "resonance_damping",
-        "resonance_gain",
-    ),
-    "identification": ("stiffness", "damping", "white_share"),
-}  # fmt: skip
-"""Entries [low, high] by table."""
+
+
+def _check_ranges(options: Any) -> None:
+    """Refuse entries [low, high] that are no range; only levels in dB may be negative."""
+    for name, value in vars(options).items():
+        lowest = float("-inf") if name == "snr_db" else 0.0
+        if isinstance(value, tuple) and name != "effects" and not (len(value) == 2 and lowest < value[0] < value[1]):
+            raise TwingapError(f"{list(value)} found, [low, high] with 0 < low < high expected", where=name)
 
 
 @dataclass(frozen=True)
@@ -53,6 +53,11 @@ class SourceOptions:
     resonance_damping: tuple[float, ...]
     resonance_gain: tuple[float, ...]
 
+    def __post_init__(self) -> None:
+        _check_ranges(self)
+        for effect in self.effects:
+            expect(effect, catalogue(), "effects")
+
 
 @dataclass(frozen=True)
 class IdentificationOptions:
@@ -64,6 +69,9 @@ class IdentificationOptions:
     damping: tuple[float, ...]
     white_share: tuple[float, ...]
 
+    def __post_init__(self) -> None:
+        _check_ranges(self)
+
 
 @dataclass(frozen=True)
 class JudgingOptions:
@@ -73,6 +81,9 @@ class JudgingOptions:
     held_out: float
     levels: tuple[float, ...]
     false_alarm: float
+
+    def __post_init__(self) -> None:
+        expect(self.criterion, CRITERIA, "criterion")
 
 
 @dataclass(frozen=True)
@@ -87,6 +98,13 @@ class Profile:
     evaluations: int
     rig_duration_s: float
 
+    def __post_init__(self) -> None:
+        for view in self.inputs:
+            expect(view, VIEWS, "inputs")
+        for field, value in dataclasses.asdict(self).items():
+            if isinstance(value, int) and value < (0 if field == "evaluations" else 1):
+                raise TwingapError(f"{value} found, at least 1 expected", where=field)
+
 
 @dataclass(frozen=True)
 class Options:
@@ -99,26 +117,4 @@ class Options:
 
 
 def read_options(path: Path = CONFIG) -> Options:
-    return read(Options, check, path)
-
-
-def check(options: Options, path: Path) -> None:
-    """Refuse what the types of the entries allow and the study cannot do."""
-    for table, ranges in RANGES.items():
-        for name in ranges:
-            value = getattr(getattr(options, table), name)
-            lowest = float("-inf") if name == "snr_db" else 0.0
-            if len(value) != 2 or not lowest < value[0] < value[1]:
-                raise TwingapError(
-                    f"{list(value)} found, [low, high] with 0 < low < high expected", where=f"{path}: {table}.{name}"
-                )
-    for effect in options.source.effects:
-        expect(effect, catalogue(), f"{path}: source.effects")
-    expect(options.judging.criterion, CRITERIA, f"{path}: judging.criterion")
-    for name, profile in options.profiles.items():
-        where = f"{path}: profiles.{name}"
-        for view in profile.inputs:
-            expect(view, VIEWS, f"{where}.inputs")
-        for field, value in dataclasses.asdict(profile).items():
-            if isinstance(value, int) and value < (0 if field == "evaluations" else 1):
-                raise TwingapError(f"{value} found, at least 1 expected", where=f"{where}.{field}")
+    return read(Options, path)

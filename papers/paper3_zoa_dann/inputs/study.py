@@ -7,7 +7,6 @@ STUDY = Study(
     name="inputs",
     title="a plain network, with and without adaptation, trained on the contact twin",
     options=options.Options,
-    check=options.check,
     steps=(Step("target", jobs.load), Step("results", jobs.results)),
     tables=tables.all_tables,
     figures=figures.all_figures,
