@@ -15,7 +15,7 @@ import torch
 
 from papers.framework import Work
 from papers.paper3_zoa_dann.inputs import jobs as pipeline
-from papers.paper3_zoa_dann.inputs import tables
+from papers.paper3_zoa_dann.inputs import study as tables
 from papers.paper3_zoa_dann.inputs.options import CONFIG, read_options
 from papers.paper3_zoa_dann.inputs.study import STUDY
 from papers.paper3_zoa_dann.job import Job, Measured, fit

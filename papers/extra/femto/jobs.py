@@ -78,11 +78,6 @@ class Measured:
     speed_rpm: Array  # [rows]
     load_n: float | None = None
 
-    @property
-    def remaining_s(self) -> Array:
-        """Time to the last snapshot [rows]: there the owner ended the run."""
-        return np.asarray(self.time_s[-1] - self.time_s)
-
 
 def take_features(job: Features, *, root: str | Path | None) -> dict[str, Any]:
     """Features of every snapshot of a run, one snapshot in memory at a time."""
@@ -130,12 +125,12 @@ def predict(job: Prediction, *, runs: dict[str, Measured]) -> dict[str, Any]:
         # Lower ends as growth gives them, also for a run without a healthy start, where `twingap rul` leaves them open.
         estimates = [life.update(float(t), float(s), float(p)).closed().time_s() for t, s, p in rows]
         predicted, low, high = np.array(estimates).T
-    elif job.method == "random forest":
-        train = [(_inputs(other), revolutions(other)[-1] - revolutions(other)) for other in others.values()]
-        told = rivals.random_forest(train, _inputs(run), job.seed)
-        predicted, low, high = (remaining_time_s(v, run.speed_rpm) for v in told)
     else:
-        told = _by_growth(job, run, alone, prior)
+        if job.method == "random forest":
+            train = [(_inputs(other), revolutions(other)[-1] - revolutions(other)) for other in others.values()]
+            told = rivals.random_forest(train, _inputs(run), job.seed)
+        else:
+            told = _by_growth(job, run, alone, prior)
         predicted, low, high = (remaining_time_s(v, run.speed_rpm) for v in told)
     return {
         "alarm": alone.alarm_row, "onset": alone.onset_row, "passed": passed, "predicted": predicted, "low": low,
@@ -201,12 +196,7 @@ def files(work: Work) -> Inputs:
 
 
 def measured(work: Work) -> dict[str, Measured]:
-    return {r.job.bearing: measured_of(r.value) for r in work["features"]}
-
-
-def measured_of(value: dict[str, Any]) -> Measured:
-    features, time_s, speed_rpm = (np.asarray(value[k], float) for k in ("features", "time_s", "speed_rpm"))
-    return Measured(features, time_s, speed_rpm, value["load_n"])
+    return {r.job.bearing: Measured(**r.value) for r in work["features"]}
 
 
 def predictions(work: Work) -> Iterator[Prediction]:

@@ -39,7 +39,8 @@ def pooled(bearing: str, runs: dict[str, jobs.Measured], alone: dict[str, dict[s
 
 def judge(run: jobs.Measured, found: dict[str, Any]) -> dict[str, float]:
     """All metrics of one prediction: after the alarm, and at the challenge's cuts."""
-    true, predicted = run.remaining_s, np.asarray(found["predicted"], float)
+    # The owner ended the run at the last snapshot.
+    true, predicted = run.time_s[-1] - run.time_s, np.asarray(found["predicted"], float)
     low, high = np.asarray(found["low"], float), np.asarray(found["high"], float)
     after = slice(found["alarm"], true.size - 1) if found["alarm"] is not None else slice(0, 0)
     t, p = true[after], predicted[after]

@@ -8,8 +8,9 @@ from typing import Any, Final
 import numpy as np
 import pandas as pd
 
-from papers.extra.life_gap.tables import compared, verdict
+from papers.extra.life_gap.study import verdict
 from papers.framework import Rows, Work, as_table
+from papers.intervals import compared
 from papers.paper1_rul_varying_speed.cases import Case
 from papers.paper1_rul_varying_speed.job import Job
 from papers.paper1_rul_varying_speed.methods.metrics import rmse

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from papers.extra.femto import jobs as femto
 from papers.paper1_rul_varying_speed.cases import Case, Target, load_target, read_case
@@ -105,7 +106,7 @@ def as_records(
         yield Record(Condition(name, float(speed), fs_hz, row.size, fault, group=group), np.asarray(row, float))
 
 
-def spread(count: int, wanted: int) -> np.ndarray[Any, np.dtype[np.int64]]:
+def spread(count: int, wanted: int) -> NDArray[np.int64]:
     """At most so many places of `count`, evenly."""
     return np.unique(np.linspace(0, count - 1, min(count, wanted)).round().astype(np.int64))
 
@@ -176,7 +177,7 @@ def femto_records(asked: Asked, root: str | None) -> RecordSet:
     places: list[int] = []
     for bearing in asked.bearings:
         own = [i for i, c in enumerate(every.conditions) if c.group == bearing]
-        run = femto.measured_of(femto.take_features(femto.Features(bearing), root=root))
+        run = femto.Measured(**femto.take_features(femto.Features(bearing), root=root))
         alarm = femto.followed(run, OnlineLife()).alarm_row or len(own) - 1
         begin, end = (0, alarm) if asked.stage == BEFORE_ALARM else (alarm, len(own))
         places += [own[begin + int(k)] for k in spread(end - begin, RECORDS // len(asked.bearings))]

@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from papers.figures import rule
+from papers.figures import rule, subplots
 from papers.framework import Work
 
 BEFORE, AFTER = "#D55E00", "#0072B2"
@@ -21,8 +21,9 @@ def all_figures(work: Work) -> Iterator[tuple[str, Figure]]:
 def gaps(told: pd.DataFrame) -> Figure:
     """A panel per data set, a group per stage: the gap as it is, with the named effects, and its floor."""
     sets = [own for _, own in told[told["gap_before"].notna()].groupby("data", sort=False)]
-    figure = Figure(figsize=(6.4 * max(len(sets), 1), 4.8), layout="constrained")
-    for axes, own in zip(figure.subplots(1, max(len(sets), 1), squeeze=False)[0], sets, strict=False):
+    count = max(len(sets), 1)
+    figure, panels = subplots((6.4 * count, 4.8), 1, count, squeeze=False)
+    for axes, own in zip(panels[0], sets, strict=False):
         several = own[own["speed"] != "all"]  # those of single runs have no place on the axis
         stages = [stage for _, stage in several.groupby("stage", sort=False)]
         grouped = pd.concat(stages)

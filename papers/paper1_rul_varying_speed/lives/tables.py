@@ -11,7 +11,7 @@ import pandas as pd
 
 from papers.arrays import Array
 from papers.framework import Rows, Work, as_table
-from papers.intervals import intervals, std
+from papers.intervals import compared, intervals, std
 from papers.paper1_rul_varying_speed.job import CaseResult
 from papers.paper1_rul_varying_speed.lives.options import Options
 from papers.paper1_rul_varying_speed.methods.architecture import MODELS, LifeArchitecture, critical_length
@@ -138,13 +138,15 @@ def comparison(results: Sequence[CaseResult], options: Options, data: str) -> Ro
 def _compared(
     results: Sequence[CaseResult], twin: str, model: str, over: str, options: Options, data: str
 ) -> dict[str, Any]:  # fmt: skip
-    of = {m: np.array([[rmse(r.case.true_min, r.predicted_min(t)) for t in r.of(m)] for r in results])
-          for m in (model, over)}  # fmt: skip
-    ratios = of[model].mean(axis=0) / of[over].mean(axis=0)
-    won = int(np.sum(of[model].mean(axis=1) < of[over].mean(axis=1)))
-    row: dict[str, Any] = {"data": data, "twin": twin, "model": model, "over": over, "ratio": float(ratios.mean())}
-    row |= intervals(ratios, options.judging.levels)
-    row |= {"runs_won": won, "runs": len(results), "seeds": ratios.size}
+    before, after = (
+        pd.DataFrame([[rmse(r.case.true_min, r.predicted_min(t)) for t in r.of(m)] for r in results])
+        for m in (over, model)
+    )
+    found = compared(before, after, options.judging.levels)
+    won = found["runs_better"]
+    row: dict[str, Any] = {"data": data, "twin": twin, "model": model, "over": over, "ratio": found["ratio"]}
+    row |= {name: value for name, value in found.items() if name.startswith(("low_", "high_"))}
+    row |= {"runs_won": won, "runs": len(results), "seeds": found["seeds"]}
     if model == FULL:
         row["target"] = f"every run won{f', ratio at most {TARGET_RATIO}' if over == 'CNN' else ''}"
         row["met"] = "yes" if won == len(results) and (over != "CNN" or row["ratio"] <= TARGET_RATIO) else "no"

@@ -1,21 +1,9 @@
 """Choice of a method of diagnosis by how many fault records are labelled, with the reason.
 
-labelled records of each fault, healthy records --> network from the twin | network, corrected | SVM | SOM-MQE
-
 Paper 2 names three regimes (section 3.2.4): sufficient fault data, SOM-MQE; a small amount, SVM; little or none, the
 network trained on the twin. It gives no number. `Thresholds` come from `papers.paper2_digital_twin.availability`, whose
-table of crossing points says where they lie after a full run; for another machine measure them again. Recordings of
-CWRU called right, other recordings of the same bearings being labelled (five seeds):
-
-records of each fault      0      1      2      5     10     50
-network from the twin   74 %   85 %   91 %   97 %   98 %   99 %    corrected by `fit_residual_head`
-SVM                             68 %   81 %   95 %   97 %   99 %
-SOM-MQE, map a class            73 %   79 %   98 %  100 %  100 %
-
-So one label helps at once, and nothing passes the corrected network by more than luck: maps, from five records on, by
-half a point to a point and a half, here alone. On HIT-SM it is right in 97 to 100 %, maps in 90 to 98 %. Where the
-labels are of other bearings, neither SVM nor maps learn CWRU from any number of them (62 to 70 %, the network 82 to
-84 %): more labels are no reason to leave the twin. Hence neither is chosen unless a threshold is given.
+table of crossing points says where they lie after a full run: one label helps at once, and nothing passes the corrected
+network by more than luck. Hence neither SVM nor maps are chosen unless a threshold is given.
 """
 
 from __future__ import annotations
