@@ -34,8 +34,7 @@ if TYPE_CHECKING:
 Progress = Callable[[str, int, int], None]
 """Called with what is being done, how much of it is done, and how much there is."""
 P = ParamSpec("P")
-Rows = Iterator[dict[str, Any]]
-"""Rows of a table: column -> value."""
+Rows = Iterator[dict[str, Any]]  # rows of a table: column -> value
 Inputs = Mapping[str, tuple[Any, str | None]]
 """Name of an argument of a step's function -> its value, and its digest; None where results do not depend on it."""
 

@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 if TYPE_CHECKING:
     import pandas as pd
 
-STEP: Final = 1e-4
-"""Differences are counted in hundredths of a point; what is finer is rounded away."""
+STEP: Final = 1e-4  # differences are counted in hundredths of a point; what is finer is rounded away
 
 
 def sign_flip(differences: Sequence[float] | NDArray[np.float64], step: float = STEP) -> float:

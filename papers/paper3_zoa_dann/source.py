@@ -209,8 +209,7 @@ def _drawn_values(name: str, fs_hz: float, rng: np.random.Generator) -> dict[str
 
 
 _TRIES: Final = 100
-AT_ONCE: Final = 64
-"""Bearings integrated together: lanes of the integrator are full, and memory stays bounded."""
+AT_ONCE: Final = 64  # bearings integrated together: lanes of the integrator are full, and memory stays bounded
 
 
 def _records(

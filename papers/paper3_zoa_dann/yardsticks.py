@@ -16,8 +16,7 @@ from twingap.signal import Spectrum, lines_at, most_impulsive_band, squared_enve
 
 Read = Literal["whole", "impulsive"]
 HARMONICS = 2
-TOLERANCE = 0.02
-"""Bearings slip by up to a per cent or two."""
+TOLERANCE = 0.02  # bearings slip by up to a per cent or two
 
 
 def majority(labels: NDArray[np.int64], n_classes: int) -> float:

@@ -48,8 +48,7 @@ SETTINGS: Final[Mapping[str, tuple[Any, ...]]] = {
 covariances, components, ridge of the covariances, weight of the labels in the transport's cost."""
 PENALTY: Final = 0.1
 """Inverse penalty of the logistic regression behind every adaptation; smaller makes flatter probabilities."""
-MOST: Final = 1000
-"""Most source rows; the transport of JDOT takes time in proportion."""
+MOST: Final = 1000  # most source rows; the transport of JDOT takes time in proportion
 
 
 @dataclass(frozen=True)

@@ -36,8 +36,7 @@ if TYPE_CHECKING:
     from papers.framework import Inputs, Work
 
 
-FEWEST: Final = 3
-"""Runs: what one is predicted with comes from two others at least."""
+FEWEST: Final = 3  # runs: what one is predicted with comes from two others at least
 POOLED, ALONE = "twingap rul --prior", "twingap rul"
 RIVALS: Final = ("exponential", "particle filter", "random forest")
 METHODS: Final = (POOLED, ALONE, *RIVALS)

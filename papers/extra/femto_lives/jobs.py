@@ -42,14 +42,11 @@ if TYPE_CHECKING:
     from twingap.sweep import Result
 
 FAULT: Final = "inner"
-REFERENCE_MIN: Final = 10.0
-"""Healthy beginning: 60 snapshots, as many as `twingap rul` takes."""
-END_RATIO: Final = 10.0
-"""Peak to peak at the end of life over the healthy one."""
+REFERENCE_MIN: Final = 10.0  # healthy beginning: 60 snapshots, as many as `twingap rul` takes
+END_RATIO: Final = 10.0  # peak to peak at the end of life over the healthy one
 STRIDES: Final = (2, 2)
 """Of the convolutions: 2,560 samples leave 128 features, near the 112 that the paper's 25,000 leave."""
-PRINTED, CLOSED = "printed", "closed"
-"""Variants of the configuration."""
+PRINTED, CLOSED = "printed", "closed"  # variants of the configuration
 
 
 @dataclass(frozen=True)

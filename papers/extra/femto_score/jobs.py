@@ -35,8 +35,7 @@ from twingap.signal.envelope import envelope
 if TYPE_CHECKING:
     from papers.framework import Inputs, Work
 
-_TRIED: Final = np.linspace(0.02, 1.0, 99)
-"""Shares of the life so far that are tried."""
+_TRIED: Final = np.linspace(0.02, 1.0, 99)  # shares of the life so far that are tried
 
 
 def best_point(lives: Array) -> float:
@@ -74,8 +73,7 @@ METHODS: Final = (
     OURS, CHOSEN, LIVES, UNLOADED, CONSTANT, SHARE, EXPONENTIAL, FILTER, FOREST, SURVIVAL, COX,
 )  # fmt: skip
 DRAWN: Final = (FILTER, FOREST, SURVIVAL)
-TRAINED_AT: Final = 36
-"""Cuts of each other run by which rivals are trained."""
+TRAINED_AT: Final = 36  # cuts of each other run by which rivals are trained
 _HEALTHY: Final = 60
 _BANDS: Final = 64
 

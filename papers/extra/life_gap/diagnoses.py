@@ -28,10 +28,8 @@ STAGES: Final = (HEALTHY, SEEN, LATER)
 BEFORE_ALARM, AFTER_ALARM = "before the alarm", "after the alarm"
 SPEEDS: Final = {"slow": (0.0, 1300.0), "middle": (1300.0, 1700.0), "fast": (1700.0, np.inf)}
 """Of the rig, which steps from 1000 to 2000 rpm: rpm from, to."""
-RECORDS: Final = 24
-"""Of one diagnosis."""
-COPIES: Final = 3
-"""Simulated records for each measured one."""
+RECORDS: Final = 24  # of one diagnosis
+COPIES: Final = 3  # simulated records for each measured one
 VARIANT: Final = "printed"
 
 

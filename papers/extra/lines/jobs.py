@@ -31,8 +31,7 @@ if TYPE_CHECKING:
 RIG: Final = "virtual_cwru"
 FAULTS: Final = ("inner", "outer", "ball")
 HEALTHY: Final = "healthy"
-ONLY: Final = "one"
-"""Name of the sensor where there is one alone."""
+ONLY: Final = "one"  # name of the sensor where there is one alone
 
 
 @dataclass(frozen=True)

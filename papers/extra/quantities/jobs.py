@@ -25,8 +25,7 @@ if TYPE_CHECKING:
     from papers.framework import Work
     from twingap.sweep import Result
 
-QUANTITIES: Final = ("modes", "envelope_spectrum")
-"""The paper's first: gains are over it."""
+QUANTITIES: Final = ("modes", "envelope_spectrum")  # the paper's first: gains are over it
 METHODS: Final = ("Non-DA", "Non-DA, gap closed", "DANN", "Proposed")
 
 

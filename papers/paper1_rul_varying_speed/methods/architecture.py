@@ -11,10 +11,8 @@ from typing import Final
 from papers.paper1_rul_varying_speed.methods.encoding import D_MODEL
 from twingap import Bearing, TwingapError
 
-LENGTH = 25000
-"""Samples of a record (table 4)."""
-PRINTED_STRIDES = (16, 8)
-"""Strides of table 1 as printed: 32 features instead of 112."""
+LENGTH = 25000  # samples of a record (table 4)
+PRINTED_STRIDES = (16, 8)  # strides of table 1 as printed: 32 features instead of 112
 
 
 @dataclass(frozen=True)

@@ -11,8 +11,7 @@ from numpy.typing import ArrayLike
 from papers.arrays import Array
 from twingap import TwingapError
 
-D_MODEL = 24
-"""Length of each encoding (table 4)."""
+D_MODEL = 24  # length of each encoding (table 4)
 
 
 def positional_encoding(position: ArrayLike, d_model: int = D_MODEL) -> Array:

@@ -16,10 +16,8 @@ from twingap.effects import Mode
 
 Samples = NDArray[np.float32]
 
-SEGMENT_HZ = 12.0
-"""Aimed distance of bins, Hz."""
-_LEAST_PROMINENCE = np.log(2.0)
-"""Of a hill over the valleys beside it, in the logarithm: what half power takes."""
+SEGMENT_HZ = 12.0  # aimed distance of bins, Hz
+_LEAST_PROMINENCE = np.log(2.0)  # of a hill over the valleys beside it, in the logarithm: what half power takes
 
 
 def excess_spectrum(

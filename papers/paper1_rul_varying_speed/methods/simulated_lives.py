@@ -28,8 +28,7 @@ from twingap.twins.phenomenological import PhenomenologicalParameters, Phenomeno
 
 Samples = NDArray[np.float32]
 
-CHUNK = 128
-"""Records made at once."""
+CHUNK = 128  # records made at once
 
 
 @dataclass(frozen=True)

@@ -40,10 +40,8 @@ if TYPE_CHECKING:
 
 CONFIG: Final = Path(__file__).with_name("config.toml")
 Places = NDArray[np.int64]
-HELD_OUT: Final = 5
-"""Every fifth virtual machine is kept from training."""
-STRIP: Final = 6
-"""Pieces that are judged together by the network."""
+HELD_OUT: Final = 5  # every fifth virtual machine is kept from training
+STRIP: Final = 6  # pieces that are judged together by the network
 TINY: Final = 1e-6
 
 

@@ -20,8 +20,7 @@ from twingap.data import NotAtHandError
 RIG: Final = "virtual_cwru"
 SHORTEST: Final = 4
 """A recording at hand in stretches shorter than so many pieces is no background for the twin."""
-WINDOW: Final = 1024
-"""Samples of a short window: as long as a piece of CWRU's 98.mat at hand, 85 ms at 12 kHz."""
+WINDOW: Final = 1024  # samples of a short window: as long as a piece of CWRU's 98.mat at hand, 85 ms at 12 kHz
 RATE_HZ: Final = {"cwru": 12_000.0, "hit_sm": 12_800.0, "virtual_cwru": 12_000.0}
 TITLES: Final = {"cwru": "CWRU", "hit_sm": "HIT-SM", "virtual_cwru": "virtual rig, not CWRU"}
 CLASSES: Final = {
@@ -145,8 +144,7 @@ def backgrounds(records: RecordSet, data: Measured, image: ImageOptions) -> dict
 
 Split = Literal["recording", "bearing"]
 SPLITS: Final[tuple[Split, ...]] = ("recording", "bearing")
-ALL: Final = -1
-"""All labelled records that there are."""
+ALL: Final = -1  # all labelled records that there are
 
 
 def judged(data: Measured, split: Split, fold: int, folds: int, seed: int) -> tuple[str, ...]:

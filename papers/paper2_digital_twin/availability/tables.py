@@ -16,8 +16,7 @@ from twingap.adapt.evaluate import t_interval
 
 METHODS: Final = ("twin network", "SVM", "SOM-MQE")
 LEVEL: Final = 0.95
-MANY: Final = 10**6
-"""Stands for all the labels that there are."""
+MANY: Final = 10**6  # stands for all the labels that there are
 AHEAD: Final = (("SVM", "twin network"), ("SOM-MQE", "twin network"), ("SOM-MQE", "SVM"))
 
 

@@ -22,8 +22,7 @@ CHOSEN: Final = "chosen on other runs"
 HINDSIGHT: Final = "own end, known in hindsight"
 OTHERS: Final = "median end of other runs"
 INDICATORS: Final = ("rms", CHOSEN, NINE, OFFLINE, KEPT)
-END_ROWS: Final = 5
-"""Records whose mean is the level at a run's end."""
+END_ROWS: Final = 5  # records whose mean is the level at a run's end
 
 
 @dataclass(frozen=True)

@@ -112,8 +112,7 @@ TRUTHS: Final = {
 }
 """Curves of which simulated runs are made: from 1 to `END` over a life."""
 END: Final = 5.0
-MEMORIES: Final = (0.0, 0.7)
-"""Of the noise of simulated runs."""
+MEMORIES: Final = (0.0, 0.7)  # of the noise of simulated runs
 
 
 def analyse(job: Analysis, series: Series) -> dict[str, Any]:

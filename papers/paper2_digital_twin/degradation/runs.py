@@ -29,11 +29,9 @@ TIME_COLUMNS: Final = {
 is the excess, to which 3 is added."""
 STAND_INS: Final = ("spectral_entropy", "high_freq_ratio", "psd_std", "env_kurtosis")
 """What the tables have of the spectrum, in place of the four of spectral kurtosis, which they lack. Not those."""
-SURROGATES: Final = " (surrogates for spectral kurtosis)"
-"""Said wherever runs with such stand-ins are named."""
+SURROGATES: Final = " (surrogates for spectral kurtosis)"  # said wherever runs with such stand-ins are named
 IMS_SAMPLES: Final = 20_480
-SHOWN_COLUMNS: Final = 300
-"""Columns of the map of spectral kurtosis kept for the figure."""
+SHOWN_COLUMNS: Final = 300  # columns of the map of spectral kurtosis kept for the figure
 
 
 @dataclass(frozen=True)

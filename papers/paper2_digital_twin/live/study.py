@@ -19,8 +19,7 @@ from twingap.sweep import Result
 
 DATA: Final = "virtual machine"
 WHOLE = "after commissioning"
-DRIFT = "under drift"
-"""From the beginning of the wear on, cooling included: the drift scenario of the target."""
+DRIFT = "under drift"  # from the beginning of the wear on, cooling included: the drift scenario of the target
 LAW = "law"
 ALARM = re.compile(rf"({'|'.join(WATCHED)}) drifts ")
 """How the reason of an update begins that an alarm led to, whatever came of it: with no better values it is "kept"."""

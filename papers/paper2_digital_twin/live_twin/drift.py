@@ -19,14 +19,10 @@ from scipy.special import ndtr
 
 from twingap import TwingapError
 
-CELLS: Final = 80
-"""States of the Markov chain: run lengths to about one percent."""
-NODES: Final = 16
-"""Of the quadrature over the baseline's error."""
-HIGHEST: Final = 100.0
-"""Threshold, standard deviations, beyond which a detector is of no use."""
-LONGEST: Final = 1e12
-"""Run length, samples, that counts as never."""
+CELLS: Final = 80  # states of the Markov chain: run lengths to about one percent
+NODES: Final = 16  # of the quadrature over the baseline's error
+HIGHEST: Final = 100.0  # threshold, standard deviations, beyond which a detector is of no use
+LONGEST: Final = 1e12  # run length, samples, that counts as never
 
 
 def run_length(threshold: float, allowance: float, offset: float = 0.0) -> float:

@@ -11,8 +11,7 @@ import pandas as pd
 Kind = Literal["law", "commissioning", "drift", "following", "kept"]
 """law: clearance and damping followed temperature. commissioning, drift, following: stiffness, damping and levels were
 identified anew. kept: they should have been, and were not; `why` says the reason."""
-CAPACITY: Final = 100_000
-"""Updates and evaluations that are kept, the last of each."""
+CAPACITY: Final = 100_000  # updates and evaluations that are kept, the last of each
 
 
 @dataclass(frozen=True)

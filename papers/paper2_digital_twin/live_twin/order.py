@@ -25,8 +25,7 @@ class OrderOptions:
                 raise TwingapError(f"{key} = {getattr(self, key)!r}, at least {low} expected", where="order options")
 
 
-_Key = tuple[str, float, int | None]
-"""What two messages differ in: kind, time, number."""
+_Key = tuple[str, float, int | None]  # what two messages differ in: kind, time, number
 
 
 class Reorder:

@@ -21,8 +21,7 @@ BIN_CORRELATION: Final = 1.94
 """1 + 2 (4/9 + 1/36): by how much Hann's neighbouring bins, being correlated, raise the variance of a sum over bins."""
 FURTHEST: Final = np.array([0.25, 0.7, 0.7, 1.5])
 """Longest step in the logarithms of stiffness, damping, force level and white noise."""
-GAIN: Final = 1e-3
-"""Least part by which a step has to lower the error for the fit to go on."""
+GAIN: Final = 1e-3  # least part by which a step has to lower the error for the fit to go on
 
 
 @dataclass(frozen=True)

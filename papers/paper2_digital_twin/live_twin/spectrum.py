@@ -32,17 +32,14 @@ from twingap.twins.contact_parameters import DEFECTS, ContactParameters
 
 FREE: Final = ("stiffness", "damping", "force_level", "white_noise")
 """What is identified anew; the model works with their logarithms. The first three are watched for drift."""
-STEP: Final = 0.02
-"""Of the central differences, in the logarithms of stiffness and damping."""
+STEP: Final = 0.02  # of the central differences, in the logarithms of stiffness and damping
 NEAR: Final = np.array([0.01, 0.05])
 """How far stiffness and damping (logarithms) may move before the rollers' part is differentiated anew. Slopes carried
 so far differ from fresh ones by up to a sixth (defective 6205 at 1800 rpm): a step of a fit hardly turns."""
 RESOLUTION_HZ: Final = 12.0
 """Aimed distance of two bins: a third of the half width of a mode of 2 % damping at 2 kHz."""
-REFERENCE_RPM: Final = 1800.0
-"""Speed at which `force_level` holds."""
-SEGMENTS: Final = 1.5
-"""Length of a simulated trajectory, in segments: two that overlap by half."""
+REFERENCE_RPM: Final = 1800.0  # speed at which `force_level` holds
+SEGMENTS: Final = 1.5  # length of a simulated trajectory, in segments: two that overlap by half
 QUIET: Final = 0.05
 """Rollers that make less than this part of the power in the band are not integrated again while a fit goes on."""
 

@@ -36,8 +36,7 @@ from twingap.twins.contact_parameters import ContactParameters
 WATCHED = FREE[:3]
 STARTS: Final = (0.0, -0.7, 0.7, -1.4, 1.4)
 """Added to the logarithm of the stiffness that the twin was given, at commissioning."""
-FILM_SHARES: Final = (0.8, 0.6, 0.4, 0.2, 0.0, 1.0)
-"""Tried at commissioning, at the reference temperature."""
+FILM_SHARES: Final = (0.8, 0.6, 0.4, 0.2, 0.0, 1.0)  # tried at commissioning, at the reference temperature
 
 
 @dataclass(frozen=True)

@@ -14,8 +14,7 @@ from papers.paper2_digital_twin.methods.scalograms import ImageOptions, Modulati
 from twingap import Bearing
 from twingap.signal.features import time_features
 
-BANDS: Final = 8
-"""Equal bands from 0 to half the sampling rate."""
+BANDS: Final = 8  # equal bands from 0 to half the sampling rate
 SHAPES: Final = ("kurtosis", "crest_factor", "shape_factor", "impulse_factor", "clearance_factor")
 FAULTS: Final = ("inner", "outer", "ball")
 WINDOW_FEATURES: Final = (

@@ -20,10 +20,8 @@ from scipy.special import log_softmax, softmax
 
 from papers.arrays import Array
 
-JITTER: Final = 1e-6
-"""Of the variance, added to the covariance's diagonal."""
-STEPS: Final = 500
-"""Of the search for the maximum, at most; the problem is convex."""
+JITTER: Final = 1e-6  # of the variance, added to the covariance's diagonal
+STEPS: Final = 500  # of the search for the maximum, at most; the problem is convex
 
 
 @dataclass(frozen=True)

@@ -35,8 +35,7 @@ CHANNELS = 3
 _WAVELET = 1.0
 """Bandwidth parameter B of the Morlet wavelet, centre 1: relative bandwidth 0.16, so that rows know modulations up to a
 third of their carrier."""
-_FLOOR_ORDERS = 1.0
-"""Half width of the stretch whose median is the floor."""
+_FLOOR_ORDERS = 1.0  # half width of the stretch whose median is the floor
 
 
 @dataclass(frozen=True)

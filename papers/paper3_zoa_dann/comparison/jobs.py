@@ -40,8 +40,7 @@ if TYPE_CHECKING:
     from twingap.track import Run
 
 CONFIG: Final = Path(__file__).with_name("config.toml")
-Key = tuple[str, float | None]
-"""State of the unlabelled data, and the size left out."""
+Key = tuple[str, float | None]  # state of the unlabelled data, and the size left out
 
 
 @dataclass(frozen=True)

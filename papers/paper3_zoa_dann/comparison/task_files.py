@@ -27,8 +27,7 @@ from twingap.rigs import make_rig
 
 FOLDER: Final = Path(__file__).with_name("tasks")
 TITLES: Final = {"cwru": "CWRU", "hit_sm": "HIT-SM"}
-Counts = Mapping[str, int]
-"""Windows by class."""
+Counts = Mapping[str, int]  # windows by class
 
 
 @dataclass(frozen=True)

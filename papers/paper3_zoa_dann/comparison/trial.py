@@ -39,8 +39,7 @@ ALL: Final = (*METHODS, *CLOSED, OWN, ANALYST)
 (trees on fault orders and levels, as `twingap classify`), then the yardstick."""
 FLEETS_PER_BEARING: Final = 5
 """Simulated fleets for each virtual bearing and class of the networks: they have eight members, and cost far less."""
-FINEST: Final = 1000.0
-"""Noise levels are told apart to a thousandth of a decibel."""
+FINEST: Final = 1000.0  # noise levels are told apart to a thousandth of a decibel
 
 
 @dataclass(frozen=True)

@@ -23,8 +23,7 @@ LINES: Final = {
     "random": ("#666666", ":"),
 }
 MEASURED, SIMULATED, MARK = "#444444", "#0072B2", "#D55E00"
-SHOWN_S: Final = 0.1
-"""Length of the waveforms shown, s: three turns."""
+SHOWN_S: Final = 0.1  # length of the waveforms shown, s: three turns
 HIGHEST_HZ: Final = 520.0
 
 

@@ -39,8 +39,7 @@ if TYPE_CHECKING:
     from twingap.track import Run
 
 METHODS: Final[tuple[Method, ...]] = ("source_only", "dann")
-LABELS: Final = {"source_only": "Non-DA", "dann": "DANN"}
-"""Methods in words."""
+LABELS: Final = {"source_only": "Non-DA", "dann": "DANN"}  # methods in words
 
 
 @dataclass(frozen=True)
