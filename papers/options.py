@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from twingap import TwingapError
 from twingap.config import build, read_toml
+from twingap.provenance import digest_of_value, plain
 
 T = TypeVar("T")
 
@@ -15,6 +16,11 @@ T = TypeVar("T")
 def read(kind: type[T], path: Path) -> T:
     """Read a configuration; errors name file, key, value and what was expected."""
     return build(kind, read_toml(path), path)
+
+
+def as_input(options: Any) -> dict[str, tuple[Any, str]]:
+    """A configuration as an input of jobs, whose keys then depend on all of it but the profiles."""
+    return {"options": (options, digest_of_value({k: v for k, v in plain(options).items() if k != "profiles"}))}
 
 
 def expect(value: str, known: Iterable[str], where: str) -> None:

@@ -74,7 +74,7 @@ def faults(work: Work, setting: str) -> Figure:
     ]
     figure, panels = subplots((13, 3.1 * len(wanted) + 0.8), len(wanted), 2, squeeze=False, sharex="col")
     for row, r in enumerate(wanted):
-        samples, fs_hz = np.asarray(r.value["samples"], float), r.job.fs_hz
+        samples, fs_hz = np.asarray(r.value["samples"], float), work.options.fs_hz
         count = round(SHOWN_S * fs_hz)
         panels[row, 0].plot(1e3 * np.arange(count) / fs_hz, samples[:count], color=ALONG, lw=0.9)
         title = f"{r.job.fault}: RMS {r.value['rms'] / r.value['healthy_rms']:.3g} times healthy"

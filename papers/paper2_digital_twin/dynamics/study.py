@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import pandas as pd
 
 from papers.framework import Rows, Step, Study, Work, as_table
+from papers.options import as_input
 from papers.paper2_digital_twin.dynamics import figures, jobs
 from twingap.sweep import Result
 
@@ -52,8 +53,18 @@ STUDY = Study(
     title="contact dynamics, simulated",
     options=jobs.Options,
     steps=(
-        Step("healthy", jobs.settle, lambda work: jobs.cases(work, ("healthy",), work.options.settle_s)),
-        Step("faulty", jobs.strike, lambda work: jobs.cases(work, work.options.faults, work.options.fault_s)),
+        Step(
+            "healthy",
+            jobs.settle,
+            lambda work: jobs.cases(work, ("healthy",), work.options.settle_s),
+            lambda work: as_input(work.options),
+        ),
+        Step(
+            "faulty",
+            jobs.strike,
+            lambda work: jobs.cases(work, work.options.faults, work.options.fault_s),
+            lambda work: as_input(work.options),
+        ),
     ),
     tables=all_tables,
     figures=figures.all_figures,

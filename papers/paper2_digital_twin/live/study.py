@@ -12,6 +12,7 @@ import pandas as pd
 
 from papers.arrays import Array
 from papers.framework import Rows, Step, Study, Work, as_table
+from papers.options import as_input
 from papers.paper2_digital_twin.live import figures, jobs
 from papers.paper2_digital_twin.live_twin.twin import WATCHED
 from twingap.rigs.drifting import COOLED, WEARS
@@ -153,7 +154,10 @@ STUDY = Study(
     title="live updating",
     data=DATA,
     options=jobs.Options,
-    steps=(Step("drifting", jobs.live_through, jobs.drifting), Step("steady", jobs.live_through, jobs.steady)),
+    steps=(
+        Step("drifting", jobs.live_through, jobs.drifting, lambda work: as_input(work.options)),
+        Step("steady", jobs.live_through, jobs.steady, lambda work: as_input(work.options)),
+    ),
     tables=all_tables,
     metrics=metrics,
     figures=figures.all_figures,

@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 
 from papers.framework import Rows, Step, Study, Work, as_table
+from papers.options import as_input
 from papers.paper3_zoa_dann.identification import figures, jobs
 from papers.paper3_zoa_dann.identification.agreement import METRICS
 from twingap.sweep import Result
@@ -117,7 +118,7 @@ STUDY = Study(
         Step("halves", jobs.halves),
         Step("searches", jobs.search, jobs.searches, jobs.fit),
         Step("comparisons", jobs.compare, jobs.comparisons, jobs.both),
-        Step("recoveries", jobs.recover, jobs.machines),
+        Step("recoveries", jobs.recover, jobs.machines, lambda work: as_input(work.options)),
     ),
     tables=all_tables,
     figures=figures.all_figures,
