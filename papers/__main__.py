@@ -3,8 +3,6 @@
 A study is named by paper and folder, or by the dotted name of its package where it lies elsewhere.
 """
 
-from __future__ import annotations
-
 import argparse
 import sys
 from collections.abc import Sequence

@@ -3,8 +3,6 @@
 Imports inside functions count, those for type checkers do not. Standard library and installed packages are left out.
 """
 
-from __future__ import annotations
-
 import ast
 import functools
 import importlib.util

@@ -1,7 +1,5 @@
 """Spread, Student's intervals over seeds and comparisons of errors, as columns of a table."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Nested runs of trainings in the tracker: "task · method", and in each "task · method · seed"."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 

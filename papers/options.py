@@ -1,7 +1,5 @@
 """Checks of what the types of a configuration's entries cannot say, and configurations that other studies read too."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any, TypeVar

@@ -1,7 +1,5 @@
 """The papers, each a list of studies that run one after the other, so that each has all cores."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path

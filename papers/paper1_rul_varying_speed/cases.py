@@ -1,7 +1,5 @@
 """Runs to predict: what is known of each at the moment of prediction, and, for evaluation alone, its continuation."""
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace

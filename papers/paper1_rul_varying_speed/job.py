@@ -1,7 +1,5 @@
 """One training and its evaluation: the job that the sweep runs for each bearing, model and seed."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from typing import Any
 

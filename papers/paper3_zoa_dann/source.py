@@ -10,8 +10,6 @@ fault stands above the noise cannot be estimated without labels: it is drawn, wi
 contact twin to records whose states are known, which these are not.)
 """
 
-from __future__ import annotations
-
 import contextlib
 import dataclasses
 from collections.abc import Iterator, Mapping, Sequence

@@ -1,7 +1,5 @@
 """Target data: recordings to adapt to and to evaluate on."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Reference results for comparison: guessing, and the analyst's rule on the envelope spectrum."""
 
-from __future__ import annotations
-
 import math
 from functools import lru_cache
 from typing import Literal

@@ -1,7 +1,5 @@
 """Study of shallow baselines, configured as the comparison: trials; means by data set, source and method; tests."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from importlib.util import find_spec
 

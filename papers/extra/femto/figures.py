@@ -1,7 +1,5 @@
 """Errors of remaining life on the FEMTO runs, by bearing and method."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import Final
 

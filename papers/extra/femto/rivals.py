@@ -4,8 +4,6 @@ They share the health indicator, the alarm and the end level with `online`, so t
 alone; and what other runs say (a usual life after the onset) where their own model has no answer.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

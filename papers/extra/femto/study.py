@@ -1,7 +1,5 @@
 """Study of FEMTO's runs, and its tables: errors by method and bearing, and who is at least as good where."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

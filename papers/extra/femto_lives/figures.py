@@ -1,7 +1,5 @@
 """Errors on FEMTO's runs by twin: as printed, with the named effects, closed; and of the simulated lives alone."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import Final
 

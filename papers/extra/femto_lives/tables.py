@@ -1,7 +1,5 @@
 """Tables of the twin of lives on FEMTO: runs and verdicts, errors by twin, what closing the gap is worth."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any, Final
 

@@ -1,7 +1,5 @@
 """Study of the challenge's score: by method and bearing, means, bounds, indicators, and its own test bearings."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """One diagnosis of the life-gap study: records of a stage and speed, the twin's beside them, the verdict as a row."""
 
-from __future__ import annotations
-
 import contextlib
 import dataclasses
 import functools

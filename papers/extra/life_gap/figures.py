@@ -1,7 +1,5 @@
 """The gap by stage of life and speed, before and after what the diagnosis names is added."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Study of the gap of paper 1's twin, and its tables: verdicts, errors before and after, worth of the difference."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Study of fault lines, and its tables: by data set, sensor and class, and by recording."""
 
-from __future__ import annotations
-
 from typing import Final
 
 import numpy as np

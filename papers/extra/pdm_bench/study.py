@@ -1,7 +1,5 @@
 """Study of pdm-bench's scenarios, and its tables: what was at hand, every trial, means over seeds."""
 
-from __future__ import annotations
-
 from importlib.util import find_spec
 
 import pandas as pd

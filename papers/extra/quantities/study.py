@@ -1,7 +1,5 @@
 """Study of quantities, whose configuration is the comparison's: trials; means by data set, method and quantity."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import pandas as pd

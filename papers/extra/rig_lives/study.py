@@ -1,7 +1,5 @@
 """Study of the virtual rig's lives: every run followed row by row, judged, and means over bearings."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any, Final
 

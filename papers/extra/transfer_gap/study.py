@@ -1,7 +1,5 @@
 """Study of closing the gap for transfer, and its tables: by data set, split and twin, over seeds and by seed."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Study of the ablation, and its tables: errors by lives, bearing and model; by lives and model beside DANN's."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

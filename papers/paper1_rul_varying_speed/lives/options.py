@@ -1,7 +1,5 @@
 """The configuration of this paper: typed, frozen, read from config.toml."""
 
-from __future__ import annotations
-
 import dataclasses
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Tables of the result: rows that say in themselves which data they are of."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from types import MappingProxyType
 from typing import Any, Final

@@ -8,8 +8,6 @@ No row after `now_row` is used: `adapt` is handed none. Source: section 3 of pap
 useful life prediction of rolling element bearings under varying operating conditions).
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Literal

@@ -1,7 +1,5 @@
 """Parts and sizes of the network for remaining life, without torch: the five models that the paper compares."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace

@@ -3,8 +3,6 @@
 A row k counts measurements; with times in s instead, rates are per s. Source: section 3.4 of paper 1.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal

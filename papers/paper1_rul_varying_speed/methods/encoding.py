@@ -3,8 +3,6 @@
 Source: section 3.5 of paper 1, after Vaswani et al. 2017, Attention is all you need, arXiv:1706.03762.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import ArrayLike
 

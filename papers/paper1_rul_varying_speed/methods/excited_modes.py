@@ -4,8 +4,6 @@ Eq. 8 of paper 1 reads the one dominant mode off healthy records. What dominates
 say, need not be a mode that impacts excite; the excess over them is, and it needs no label either.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import find_peaks, welch

@@ -7,8 +7,6 @@ Management 1 (1), DOI 10.36001/ijphm.2010.v1i1.1336; Nectoux et al. 2012, PRONOS
 bearings accelerated degradation tests, IEEE PHM, hal-00719503.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

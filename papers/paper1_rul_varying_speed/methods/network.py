@@ -4,8 +4,6 @@ Which of the encodings and whether the discriminator take part are options of on
 nothing else. Source: section 3.7, tables 1, 2 and 4 of paper 1.
 """
 
-from __future__ import annotations
-
 import torch
 from torch import Tensor, nn
 

@@ -4,8 +4,6 @@ A bearing wears by the revolution: remaining revolutions fall smoothly whatever 
 with it. At constant speed remaining time has slope -1.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import ArrayLike
 

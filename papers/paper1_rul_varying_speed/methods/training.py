@@ -11,8 +11,6 @@ scales the samples of both domains. Checkpoints are chosen without a label of th
 Source: sections 2.2, 3.7 and 4 of paper 1, after Ganin et al. 2016, arXiv:1505.07818.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Final

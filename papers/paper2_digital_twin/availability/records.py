@@ -1,7 +1,5 @@
 """Recordings of the availability study, cut into pieces of equal shaft angle; folds and labels."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path

@@ -11,8 +11,6 @@ with named effects rather than the paper's contact model: the effects are what r
 model lacks (kind "bare", one mode, periodic strikes, white noise, shows what they are worth).
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace

@@ -1,7 +1,5 @@
 """Tables of the availability study."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Iterator
 from typing import Any, Final

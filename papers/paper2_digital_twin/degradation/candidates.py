@@ -1,7 +1,5 @@
 """Health indicators of every run: candidates, their criteria, and the choice that other runs make for it."""
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

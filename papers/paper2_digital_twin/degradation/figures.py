@@ -4,8 +4,6 @@ raw run --> 13 waveform, 14 spectral kurtosis;  the paper's run --> 15 fusion fe
 18 exponential, 19 combined power;  all runs --> errors on later records
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import Final
 

@@ -1,7 +1,5 @@
 """Runs to failure as features along running time: IMS from raw snapshots or feature tables, FEMTO raw, or simulated."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path

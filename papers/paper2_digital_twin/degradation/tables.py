@@ -1,7 +1,5 @@
 """Tables of the degradation study."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Iterator, Sequence
 from typing import Any, Final, Literal

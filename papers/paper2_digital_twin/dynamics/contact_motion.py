@@ -5,8 +5,6 @@ that each state is seen; the trajectory is that of one long call, to the bit, be
 anew at every sample. Figures 5 and 6 of paper 2 (a normal bearing settling to balance) are of these quantities.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Figures of the dynamics study: a normal bearing that settles (figures 5 and 6 of the paper), and injected faults."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import Final
 

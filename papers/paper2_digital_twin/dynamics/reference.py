@@ -4,8 +4,6 @@ Shares no line with the twin's kernel, so that agreement says something. The hea
 paper took from its reference [32].
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Dynamics study, and its tables."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import pandas as pd

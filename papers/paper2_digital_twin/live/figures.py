@@ -1,7 +1,5 @@
 """Figures of the study of live updating: one machine's day."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import Any, Final
 

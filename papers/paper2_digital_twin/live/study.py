@@ -1,7 +1,5 @@
 """Study of live updating, and its tables."""
 
-from __future__ import annotations
-
 import re
 from collections import Counter
 from collections.abc import Sequence

@@ -5,8 +5,6 @@ length without drift is found by Brook and Evans' Markov chain (1972, doi:10.109
 which residuals are taken is itself an average of some snapshots: its error, which lets sums climb, is averaged over.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache

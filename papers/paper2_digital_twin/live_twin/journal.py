@@ -1,7 +1,5 @@
 """Journal of a live twin: updates with reasons, evaluated snapshots, and what became of messages."""
 
-from __future__ import annotations
-
 from collections import Counter, deque
 from dataclasses import asdict, dataclass, field
 from typing import Any, Final, Literal

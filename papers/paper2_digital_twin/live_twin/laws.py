@@ -1,7 +1,5 @@
 """Laws of clearance and damping with temperature."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

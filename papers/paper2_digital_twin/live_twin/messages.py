@@ -1,7 +1,5 @@
 """Messages to a live twin: frequent states, occasional vibration."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 import numpy as np

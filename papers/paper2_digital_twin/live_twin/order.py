@@ -4,8 +4,6 @@ The watermark is the latest time seen less the lateness allowed (Akidau et al. 2
 is older than it has been let go, and whatever comes from before that is too late. Clocks are taken to be right.
 """
 
-from __future__ import annotations
-
 import heapq
 from collections import Counter
 from dataclasses import dataclass

@@ -5,8 +5,6 @@ the measured spectrum. A local search is enough where the twin has been right a 
 call of the kernel, make an update.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final

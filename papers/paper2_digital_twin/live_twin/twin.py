@@ -12,8 +12,6 @@ stand behind the new values; then the detector watches again. A machine that sta
 snapshots are counted and left out.
 """
 
-from __future__ import annotations
-
 import time
 from collections import deque
 from collections.abc import Iterable

@@ -6,8 +6,6 @@ table of crossing points says where they lie after a full run: one label helps a
 network by more than luck. Hence neither SVM nor maps are chosen unless a threshold is given.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal

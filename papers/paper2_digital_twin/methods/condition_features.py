@@ -1,7 +1,5 @@
 """Hand-made features of a bearing's condition, for methods that learn from few records."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from itertools import pairwise
 from typing import Any, Final

@@ -4,8 +4,6 @@ Two pieces of one recording are nearly the same: a fold that holds one and train
 scaler fitted before the split has seen the answer's size. Neither can happen here.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any, Final
 

@@ -6,8 +6,6 @@ bottlenecks keep it small. V3 itself expects 299 x 299 photographs and 24 millio
 Carriers are pooled away in the end, since resonances lie elsewhere on every machine; orders keep their places.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -7,8 +7,6 @@ Gaussian Processes for Machine Learning (MIT Press 2006), sections 2.7 (mean fun
 posterior).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Final
 

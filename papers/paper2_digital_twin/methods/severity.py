@@ -14,8 +14,6 @@ distribution of the features. Paper 2 uses SOM-MQE where fault data are plenty, 
 is the nearest neighbour.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

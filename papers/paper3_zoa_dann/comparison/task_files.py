@@ -4,8 +4,6 @@ Labels decide what an experiment is given to adapt to (as many healthy windows a
 would decide which machines stand in the hall; they are then taken away. Methods see windows without them.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path

@@ -8,8 +8,6 @@ The analyst's rule goes through the same door, as a method that learns nothing; 
 learn from simulated fleets of the phenomenological twin and compare each judged recording with those adapted to.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from dataclasses import dataclass

@@ -5,8 +5,6 @@ paper's load of 12 kN makes the twin vibrate a hundred times too strongly; PRD a
 no model predicts is taken out by shifting each simulated window (circularly) to where it correlates best.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.spatial.distance import cdist
 

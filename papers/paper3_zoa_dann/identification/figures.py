@@ -1,7 +1,5 @@
 """Figures of the identification study, in colours that colour-blind readers tell apart (Okabe and Ito 2008)."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import Any, Final
 

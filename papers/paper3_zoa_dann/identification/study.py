@@ -1,7 +1,5 @@
 """Identification study, and its tables."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 
