@@ -14,8 +14,7 @@ from papers.paper1_rul_varying_speed.lives.options import TargetOptions
 from papers.paper1_rul_varying_speed.methods import adaptive_twin
 from papers.paper1_rul_varying_speed.methods.adaptive_twin import Adaptation, AdaptiveTwin, NoLifeError
 from papers.paper1_rul_varying_speed.methods.degradation import end_row
-from papers.paper1_rul_varying_speed.methods.remaining_life import remaining_revolutions, remaining_time_s
-from papers.paper1_rul_varying_speed.methods.run import Run, read_run
+from papers.paper1_rul_varying_speed.methods.run import Run, read_run, remaining_revolutions, remaining_time_s
 from papers.paper1_rul_varying_speed.methods.simulated_lives import Snapshots, measured_snapshots
 from twingap import Bearing, RecordSet, TwingapError, data
 from twingap.prognosis import normalised_peak_to_peak

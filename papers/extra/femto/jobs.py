@@ -24,7 +24,7 @@ import numpy as np
 
 from papers.arrays import Array
 from papers.extra.femto import rivals
-from papers.paper1_rul_varying_speed.methods.remaining_life import remaining_time_s
+from papers.paper1_rul_varying_speed.methods.run import remaining_time_s
 from twingap import TwingapError
 from twingap.data import NotAtHandError, data_root, load
 from twingap.prognosis import OnlineLife, Outcome, Prior, prior_from

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from papers.arrays import Array
-from papers.paper1_rul_varying_speed.methods.remaining_life import remaining_revolutions
+from papers.paper1_rul_varying_speed.methods.run import remaining_revolutions
 from twingap import TwingapError
 from twingap.prognosis.speed_influence import SpeedInfluence
 

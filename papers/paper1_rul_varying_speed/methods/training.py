@@ -21,8 +21,7 @@ from torch import Tensor
 from torch.nn import functional
 
 from papers.arrays import Array
-from papers.paper1_rul_varying_speed.methods.architecture import LifeArchitecture
-from papers.paper1_rul_varying_speed.methods.encoding import positional_encoding, speed_position
+from papers.paper1_rul_varying_speed.methods.architecture import LifeArchitecture, positional_encoding, speed_position
 from papers.paper1_rul_varying_speed.methods.network import LifeNetwork
 from papers.paper1_rul_varying_speed.methods.simulated_lives import Snapshots
 from twingap import TwingapError

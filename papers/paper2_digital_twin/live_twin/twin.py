@@ -24,8 +24,14 @@ from papers.arrays import Array
 from papers.paper2_digital_twin.live_twin.drift import Alarm, DriftDetector, threshold_for
 from papers.paper2_digital_twin.live_twin.journal import Evaluation, Journal, Kind, Update
 from papers.paper2_digital_twin.live_twin.laws import Laws
-from papers.paper2_digital_twin.live_twin.messages import Message, Snapshot, StateMessage, kind_of
-from papers.paper2_digital_twin.live_twin.order import OrderOptions, Reorder
+from papers.paper2_digital_twin.live_twin.messages import (
+    Message,
+    OrderOptions,
+    Reorder,
+    Snapshot,
+    StateMessage,
+    kind_of,
+)
 from papers.paper2_digital_twin.live_twin.refit import Fit, deviation, refit, relative_error
 from papers.paper2_digital_twin.live_twin.spectrum import FREE, Band, MachineState, Prediction, SpectrumModel
 from twingap import Bearing, TwingapError
