@@ -23,7 +23,7 @@ from papers.figures import style
 from papers.imports import digest_of_imports
 from papers.options import read
 from twingap import TwingapError, files
-from twingap.provenance import digest_of_path, plain
+from twingap.provenance import digest_of_path, digest_of_value, plain
 from twingap.sweep import BACKENDS, Result, sweep
 from twingap.track import NullTracker, Run
 
@@ -183,6 +183,10 @@ class Work:
 
     def __setitem__(self, step: str, made: Any) -> None:
         self._made[step] = made
+
+    def keyed(self, step: str, by: str) -> tuple[Any, str]:
+        """What a step made as an input of jobs, with the digest of the results of another that it was made from."""
+        return self[step], digest_of_value([result.key for result in self[by]])
 
     def sweep(
         self, function: Callable[..., Any], jobs: Iterable[Any], inputs: Inputs | None = None,

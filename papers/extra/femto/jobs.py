@@ -29,7 +29,7 @@ from twingap import TwingapError
 from twingap.data import NotAtHandError, data_root, load
 from twingap.prognosis import OnlineLife, Outcome, Prior, prior_from
 from twingap.prognosis.past_errors import PastIntervals
-from twingap.provenance import digest_of_path, digest_of_value
+from twingap.provenance import digest_of_path
 from twingap.signal.features import time_features
 
 if TYPE_CHECKING:
@@ -194,10 +194,6 @@ def files(work: Work) -> Inputs:
     return {"root": (work.root, digest_of_path(data_root(work.root) / "femto"))}
 
 
-def measured(work: Work) -> dict[str, Measured]:
-    return {r.job.bearing: Measured(**r.value) for r in work["features"]}
-
-
 def predictions(work: Work) -> Iterator[Prediction]:
     """Every run by every method, those that draw lots with several seeds."""
     for name in work["runs"]:
@@ -205,8 +201,3 @@ def predictions(work: Work) -> Iterator[Prediction]:
             drawn = method in ("particle filter", "random forest")
             for seed in range(work.seed, work.seed + (work.size.seeds if drawn else 1)):
                 yield Prediction(name, method, seed)
-
-
-def of_features(work: Work) -> Inputs:
-    """All runs, since each is predicted from the others."""
-    return {"runs": (work["runs"], digest_of_value([r.key for r in work["features"]]))}

@@ -1,12 +1,14 @@
 """Study of FEMTO's runs, and its tables: errors by method and bearing, and who is at least as good where."""
 
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Iterator, Sequence
+from typing import Any, Final
 
 import numpy as np
 import pandas as pd
+from matplotlib.figure import Figure
 
-from papers.extra.femto import figures, jobs
+from papers.extra.femto import jobs
+from papers.figures import rule, subplots
 from papers.framework import Rows, Step, Study, Work, as_table
 from papers.paper1_rul_varying_speed.methods import metrics
 from twingap.prognosis.outcomes import prior_from
@@ -107,6 +109,38 @@ def all_tables(work: Work) -> dict[str, pd.DataFrame]:
     return {"femto": every, "femto_wins": wins(every)}
 
 
+STYLES: Final = {
+    "twingap rul --prior": ("#0072B2", "o"),
+    "twingap rul": ("#56B4E9", "s"),
+    "exponential": ("#E69F00", "^"),
+    "particle filter": ("#CC79A7", "D"),
+    "random forest": ("#009E73", "v"),
+}
+"""Method -> colour and marker, which tells them apart without colours."""
+
+
+def all_figures(work: Work) -> Iterator[tuple[str, Figure]]:
+    yield "femto", errors(work.tables["femto"])
+
+
+def errors(every: pd.DataFrame) -> Figure:
+    """RMSE after the alarm of each method on each bearing."""
+    figure, axes = subplots((9.5, 4.4))
+    bearings = list(dict.fromkeys(every["bearing"]))
+    for place, (method, (colour, marker)) in enumerate(STYLES.items()):
+        own = every[every["method"] == method].set_index("bearing")["rmse_s"].reindex(bearings)
+        x = [i + 0.13 * (place - 2) for i in range(len(bearings))]
+        axes.plot(x, own / 60, marker, color=colour, markersize=8, label=method)
+    axes.set_yscale("log")
+    axes.yaxis.set_major_formatter("{x:g}")
+    axes.set_xticks(range(len(bearings)), bearings)
+    axes.set_ylabel("RMSE of remaining time\nafter the alarm (min)")
+    axes.set_title("FEMTO learning bearings (runs used in development)")
+    rule(axes, "y")
+    figure.legend(loc="outside lower center", ncols=5)
+    return figure
+
+
 STUDY = Study(
     name="femto",
     title="remaining life of the FEMTO learning bearings",
@@ -115,11 +149,11 @@ STUDY = Study(
     at_hand=jobs.at_hand,
     steps=(
         Step("features", jobs.take_features, jobs.bearings, jobs.files),
-        Step("runs", jobs.measured),
-        Step("predictions", jobs.predict, jobs.predictions, jobs.of_features),
+        Step("runs", lambda work: {r.job.bearing: jobs.Measured(**r.value) for r in work["features"]}),
+        Step("predictions", jobs.predict, jobs.predictions, lambda work: {"runs": work.keyed("runs", "features")}),
     ),
     tables=all_tables,
-    figures=figures.all_figures,
+    figures=all_figures,
     letters=(12, 10),
     headlines=("femto", "femto_wins"),
 )

@@ -9,7 +9,6 @@ from papers.extra.femto.jobs import at_hand, files
 from papers.extra.femto_score import jobs
 from papers.framework import Rows, Step, Study, Work, as_table
 from papers.paper1_rul_varying_speed.methods.metrics import phm2012_accuracy
-from twingap.prognosis.life_law import law_of, log_normal
 from twingap.prognosis.outcomes import LOAD_EXPONENT
 
 SCORES = ("score", "score_best_point", "score_band_known")
@@ -133,9 +132,7 @@ def lives(work: Work) -> pd.DataFrame:
     for protocol, name, cuts, others in asked:
         life, load_n = every[name]
         for method in (jobs.LIVES, jobs.UNLOADED, jobs.CONSTANT, jobs.SHARE):
-            exponent = LOAD_EXPONENT if method == jobs.LIVES else 0.0
-            ended = [other * (own_n / load_n) ** exponent for other, own_n in others.values()]
-            law = (log_normal if method == jobs.CONSTANT else law_of)(ended)
+            law = jobs.law_by(method, others.values(), load_n)
             for cut in cuts:
                 lived, left = cut * life, (1 - cut) * life
                 values = np.array(law.remaining(lived, jobs.SHARES))
@@ -169,8 +166,8 @@ STUDY = Study(
         Step("measure", jobs.measure, jobs.bearings, files),
         Step("runs", jobs.measured),
         Step("cuts", jobs.cuts_of),
-        Step("follow", jobs.follow, jobs.growths, jobs.of_runs),
-        Step("grown", jobs.grown),
+        Step("follow", jobs.follow, jobs.growths, lambda work: {"runs": work.keyed("runs", "measure")}),
+        Step("grown", lambda work: {(r.job.bearing, r.job.indicator): r.value for r in work["follow"]}),
         Step("predict", jobs.predict, jobs.predictions, jobs.of_growth),
     ),
     tables=all_tables,

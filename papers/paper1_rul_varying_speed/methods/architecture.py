@@ -1,5 +1,5 @@
-"""Network for remaining life without torch: sizes of the five models that the paper compares, and encodings of a record's
-place in the run and of its speed (eq. 13; Vaswani et al. 2017, arXiv:1706.03762)."""
+"""Network for remaining life without torch: sizes of the five models that the paper compares, and the encodings of a
+record's place in the run and of its speed (eq. 13; Vaswani et al. 2017, arXiv:1706.03762)."""
 
 import math
 from collections.abc import Mapping

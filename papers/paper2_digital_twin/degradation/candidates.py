@@ -71,11 +71,6 @@ def end_level(values: Array) -> float:
     return float(np.mean(values[-END_ROWS:]))
 
 
-def healthy_level(j: Judged, name: str) -> float:
-    """Mean of an indicator over the healthy beginning."""
-    return float(np.mean(j.series[name][: j.run.healthy_rows]))
-
-
 def limits_of(j: Judged, name: str, found: Sequence[Judged]) -> dict[str, float]:
     """Levels at which life is taken to end: a run's own end, known in hindsight, and the median of other runs' ends,
     for plain features alone, since the axes of fused ones differ from run to run."""

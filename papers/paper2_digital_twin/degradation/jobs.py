@@ -19,7 +19,7 @@ from scipy.signal import lfilter
 
 from papers.arrays import Array
 from papers.paper2_digital_twin.degradation import candidates
-from papers.paper2_digital_twin.degradation.candidates import INDICATORS, Judged
+from papers.paper2_digital_twin.degradation.candidates import INDICATORS
 from papers.paper2_digital_twin.degradation.runs import Reading, StudyRun, study_runs
 from twingap import TwingapError
 from twingap.prognosis.degradation_forecast import TENTHS, out_of_sample, redrawn, remaining_life, rows_until
@@ -207,18 +207,15 @@ def runs(work: Work) -> list[StudyRun]:
     return found
 
 
-def judged(work: Work) -> list[Judged]:
-    return candidates.judge_all(work["runs"], work.options.indicators)
-
-
 def analyses(work: Work) -> Iterator[Analysis]:
-    found = work["judged"]
-    for j in found:
-        for name in j.series:
-            yield Analysis(
-                j.run.name, name, candidates.limits_of(j, name, found), candidates.healthy_level(j, name),
-                work.size.curves, work.options.interval_level, work.seed,
-            )  # fmt: skip
+    for j in work["judged"]:
+        for name, values in j.series.items():
+            limits, healthy = (
+                candidates.limits_of(j, name, work["judged"]),
+                float(np.mean(values[: j.run.healthy_rows])),
+            )
+            level = work.options.interval_level
+            yield Analysis(j.run.name, name, limits, healthy, work.size.curves, level, work.seed)
 
 
 def series(work: Work) -> Inputs:

@@ -2,6 +2,7 @@
 
 from papers.framework import Step, Study
 from papers.paper2_digital_twin.degradation import figures, jobs, tables
+from papers.paper2_digital_twin.degradation.candidates import judge_all
 
 STUDY = Study(
     name="degradation",
@@ -9,7 +10,7 @@ STUDY = Study(
     options=jobs.Options,
     steps=(
         Step("runs", jobs.runs),
-        Step("judged", jobs.judged),
+        Step("judged", lambda work: judge_all(work["runs"], work.options.indicators)),
         Step("analyses", jobs.analyse, jobs.analyses, jobs.series),
         Step("coverage", jobs.cover, jobs.checks),
         Step("known law", jobs.tell, jobs.known_laws),

@@ -203,7 +203,9 @@ class LiveTwin:
         seen = _Seen(self.band.amplitude(snapshot.samples), state, self.band.averages(snapshot.samples.size))
         (predicted,) = self.model.predict(self._theta, [state], self.band)
         off, chance = deviation(seen.amplitude, predicted, seen.averages)
-        error, shape = relative_error([seen.amplitude], [predicted]), _shape_error(seen.amplitude, predicted.amplitude)
+        error, a, b = relative_error([seen.amplitude], [predicted]), seen.amplitude, predicted.amplitude
+        # Under the best common factor: the sine of the angle between the two spectra.
+        shape = float(np.sqrt(max(1 - float(a @ b) ** 2 / float((a @ a) * (b @ b)), 0.0)))
         self.journal.evaluations.append(Evaluation(snapshot.time_s, error, shape))
         held = predicted.rolling if predicted.quiet else None
         self._recent.append(replace(seen, rolling=held, predicted=predicted))
@@ -347,12 +349,6 @@ class LiveTwin:
 
     def _new_detector(self, baseline: int) -> DriftDetector:
         return DriftDetector(WATCHED, self.options.rate, self.options.allowance, baseline)
-
-
-def _shape_error(measured: Array, predicted: Array) -> float:
-    """Relative error under the best common factor: the sine of the angle between the two spectra."""
-    along = float(measured @ predicted) ** 2 / float((measured @ measured) * (predicted @ predicted))
-    return float(np.sqrt(max(1 - along, 0.0)))
 
 
 def _held(seen: list[_Seen]) -> list[Array] | None:

@@ -198,10 +198,6 @@ def searches(work: Work) -> Iterator[Search]:
         yield Search(*each, work.size.evaluations)
 
 
-def fit(work: Work) -> Inputs:
-    return {"fit": (work["halves"][0], work["halves"][0].digest)}
-
-
 def both(work: Work) -> Inputs:
     fit, judge = work["halves"]
     return {"fit": (fit, fit.digest), "judge": (judge, judge.digest), **as_input(work.options)}

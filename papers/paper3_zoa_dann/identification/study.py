@@ -114,7 +114,7 @@ STUDY = Study(
     options=jobs.Options,
     steps=(
         Step("halves", jobs.halves),
-        Step("searches", jobs.search, jobs.searches, jobs.fit),
+        Step("searches", jobs.search, jobs.searches, lambda work: {"fit": jobs.both(work)["fit"]}),
         Step("comparisons", jobs.compare, jobs.comparisons, jobs.both),
         Step("recoveries", jobs.recover, jobs.machines, lambda work: as_input(work.options)),
     ),

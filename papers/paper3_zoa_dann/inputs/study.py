@@ -1,23 +1,23 @@
-"""Study of inputs, and its tables."""
+"""Study of inputs, its tables, and a figure of the spectra that classes confuse."""
 
-from __future__ import annotations
-
-from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterator, Sequence
+from typing import Any
 
 import numpy as np
 import pandas as pd
+from matplotlib.figure import Figure
 
+from papers.figures import LINE_NAMES, subplots
 from papers.framework import Rows, Step, Study, Work, as_table
 from papers.intervals import intervals, std
-from papers.paper3_zoa_dann.inputs import figures, jobs
+from papers.paper3_zoa_dann.inputs import jobs
 from papers.paper3_zoa_dann.inputs.jobs import LABELS, TaskResult
 from papers.paper3_zoa_dann.inputs.options import Options
-from twingap.adapt import Scores
-
-if TYPE_CHECKING:
-    from papers.paper3_zoa_dann.job import Job
-    from twingap.sweep import Result
+from papers.paper3_zoa_dann.job import Job
+from papers.paper3_zoa_dann.source import simulate
+from twingap.adapt import VIEWS, Scores, Windows
+from twingap.adapt.views import ORDERS
+from twingap.sweep import Result
 
 
 def all_tables(work: Work) -> dict[str, pd.DataFrame]:
@@ -154,13 +154,54 @@ def adaptation(results: Sequence[TaskResult], options: Options, data: str) -> li
     return rows
 
 
+def all_figures(work: Work) -> Iterator[tuple[str, Figure]]:
+    yield "spectra", spectra(work["results"][0], work.options, work.title)
+
+
+def spectra(result: TaskResult, options: Options, data: str) -> Figure:
+    """Why classes confuse: mean spectra and envelope spectra of simulated and measured windows, class by class."""
+    classes = options.target.classes
+    source, target = simulate(result.recipe), result.measured.evaluate
+    figure, panels = subplots((13.5, 3.0 * len(classes) + 1.2), len(classes), 2, sharex="col", squeeze=False)
+    styles = (("simulated (contact twin)", source, "#0072B2", 2.4), (f"measured ({data})", target, "#D55E00", 1.3))
+    for place, name in enumerate(classes):
+        for label, windows, colour, width in styles:
+            assert windows.labels is not None
+            own = windows.take(windows.labels == place)
+            khz, level = _mean_spectrum(own)
+            panels[place, 0].plot(khz, level, color=colour, lw=width, label=label)
+            panels[place, 1].plot(ORDERS, VIEWS["envelope_spectrum"](own).mean(axis=0), color=colour, lw=width)
+        if name != "healthy":
+            order = result.recipe.bearing.fault_order(name)
+            for harmonic in range(1, int(ORDERS[-1] / order) + 1):
+                panels[place, 1].axvline(harmonic * order, color="0.5", ls=":", lw=1.4, zorder=0)
+            panels[place, 1].set_title(f"dotted: {LINE_NAMES[name]} = {order:.2f} orders, and harmonics")
+        panels[place, 0].set_ylabel(f"{name}\nPSD (dB re highest)")
+        panels[place, 1].set_ylabel("ln(1 + line / median)\n(no unit)")
+    panels[0, 0].set_title("mean power spectral density")
+    panels[0, 1].set_title("mean envelope spectrum")
+    panels[-1, 0].set_xlabel("frequency (kHz)")
+    panels[-1, 1].set_xlabel("order (multiples of shaft speed)")
+    figure.legend(*panels[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=2)
+    figure.suptitle(f"Windows of unit variance, {result.task.title}")
+    return figure
+
+
+def _mean_spectrum(windows: Windows) -> tuple[Any, Any]:
+    x = VIEWS["waveform"](windows)
+    power = np.abs(np.fft.rfft(x * np.hanning(x.shape[1]), axis=1)) ** 2
+    smooth = np.convolve(power.mean(axis=0), np.full(9, 1 / 9), mode="same")[4:-4]
+    khz = np.fft.rfftfreq(x.shape[1], 1e3 / windows.fs_hz[0])[4:-4]
+    return khz, 10 * np.log10(smooth / smooth.max())
+
+
 STUDY = Study(
     name="inputs",
     title="a plain network, with and without adaptation, trained on the contact twin",
     options=Options,
     steps=(Step("target", jobs.load), Step("results", jobs.results)),
     tables=all_tables,
-    figures=figures.all_figures,
+    figures=all_figures,
     headlines=("accuracy", "adaptation"),
     columns={"accuracy": ("task", "input", "method", "accuracy", "std", "low_95", "high_95", "oracle")},
 )
