@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from papers.framework import load_study
-from papers.reproduce import check_configurations, full_name, short_names
+from papers.reproduce import check_configurations, package_of, paper_of, short_names
 from twingap import TwingapError
 from twingap.effects import load_effects
 from twingap.track import MlflowTracker, NullTracker
@@ -61,8 +61,8 @@ def _run(name: str, uri: str | None, given: dict[str, object]) -> None:
     def say(what: str, done: int, total: int) -> None:
         print(f"\r{what}: {done} of {total}", end="" if done < total else "\n", file=sys.stderr, flush=True)
 
-    paper, package = full_name(name)
-    study = load_study(package)
+    package = package_of(name)
+    study, paper = load_study(package), paper_of(package)
     tags = {"paper": paper, "study": study.name, "profile": given["profile"]}
     tracker = NullTracker() if uri is None else MlflowTracker(uri or None, f"{paper} {study.name}".strip())
     with tracker.run(f"{study.name} · {given['profile']} · seed {given['seed']}", tags) as log:

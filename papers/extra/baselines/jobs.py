@@ -73,14 +73,14 @@ def trials(ready: Prepared, task: str, criterion: str) -> Iterator[Trial]:
 
 def results(work: Work) -> list[tuple[str, Result[Trial]]]:
     """Every trial with the title of its data; balanced data, no noise added."""
-    common, size = read_common(), work.size
+    criterion = read_common().judging.criterion
     found: list[tuple[str, Result[Trial]]] = []
     for task, target in work["tasks"]:
-        chosen = [cell for cell in cells(task, size, work.seed) if cell.available == "balanced"]
-        for ready in prepared(work, task, target, common, size, chosen):
+        chosen = [cell for cell in cells(task, work.size, work.seed) if cell.available == "balanced"]
+        for ready in prepared(work, task, target, chosen):
             labelled = windows_to_adapt_to(task, target.records, "balanced", ready.cell.unseen)
             made = work.sweep(
-                run_trial, trials(ready, task.name, common.judging.criterion),
+                run_trial, trials(ready, task.name, criterion),
                 ready.inputs | {"labelled": (labelled, None)},
                 lambda job: f"{job.task}, {job.source}, unseen {job.unseen}, seed {job.seed}", f"task {task.name}",
             )  # fmt: skip

@@ -24,7 +24,7 @@ from papers.arrays import Array
 from papers.options import expect
 from papers.paper3_zoa_dann.comparison.jobs import Cell, kept_modes, prepared
 from papers.paper3_zoa_dann.comparison.jobs import read_options as read_comparison
-from papers.paper3_zoa_dann.comparison.task_files import Material, load_recordings, read_task, windows_to_adapt_to
+from papers.paper3_zoa_dann.comparison.task_files import Material, windows_to_adapt_to
 from papers.paper3_zoa_dann.inputs.options import read_options as read_common
 from papers.paper3_zoa_dann.source import Recipe, simulate
 from twingap.adapt import METHODS, Fitted, ModeInputs, Training, Windows, fit
@@ -81,16 +81,12 @@ def results(work: Work) -> list[tuple[str, Result[Trial]]]:
     training = dataclasses.replace(comparison.training, steps=size.steps)
     seeds = tuple(range(work.seed, work.seed + size.seeds))
     found: list[tuple[str, Result[Trial]]] = []
-    for name in size.tasks:
-        task = read_task(name)
-        if (target := load_recordings(task, work.root, common.target, size.rig_duration_s)) is None:
-            work.missing = (*work.missing, name)
-            continue
+    for task, target in work["tasks"]:
         unseen = None if task.same_bearings else task.unseen(work.seed)
-        for ready in prepared(work, task, target, common, size, [Cell("balanced", unseen, seeds, ())]):
+        for ready in prepared(work, task, target, [Cell("balanced", unseen, seeds, ())]):
             labelled = windows_to_adapt_to(task, target.records, "balanced", unseen)
             jobs = [
-                Trial(name, method, seed, training, comparison.inputs, common.judging.held_out,
+                Trial(task.name, method, seed, training, comparison.inputs, common.judging.held_out,
                       common.judging.criterion, ready.recipe)
                 for seed in seeds for method in work.options.methods
             ]  # fmt: skip
@@ -98,7 +94,6 @@ def results(work: Work) -> list[tuple[str, Result[Trial]]]:
                 inputs = ready.inputs | {"labelled": (labelled, None), "modes": (modes, None)}
                 made = work.sweep(probe, jobs, inputs, lambda job: f"{job.task}, {job.method}, seed {job.seed}")
             found += [(target.title, own) for own in made]
-    work.title = ", ".join(dict.fromkeys(title for title, _ in found))
     return found
 
 

@@ -48,7 +48,7 @@ def networks(work: Work) -> list[tuple[str, Result[Trial]]]:
     for task, target in work["tasks"]:
         balanced = [cell for cell in cells(task, size, work.seed) if cell.available == "balanced"]
         chosen = [cell for cell in balanced if (cell.unseen is None) == task.same_bearings]
-        for ready in prepared(work, task, target, common, size, chosen):
+        for ready in prepared(work, task, target, chosen):
             jobs = trials(ready, task, options, common, size.steps)
             with kept_modes(work.out) as modes:
                 inputs = ready.inputs | {"device": (work.device, None), "modes": (modes, None)}

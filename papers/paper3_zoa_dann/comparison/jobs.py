@@ -22,7 +22,14 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from papers.options import expect, read
-from papers.paper3_zoa_dann.comparison.task_files import Material, TaskFile, load_recordings, material, read_task
+from papers.paper3_zoa_dann.comparison.task_files import (
+    FOLDER,
+    Material,
+    TaskFile,
+    load_recordings,
+    material,
+    read_task,
+)
 from papers.paper3_zoa_dann.comparison.trial import ALL, CLOSED, Trial, noise_words, run_trial
 from papers.paper3_zoa_dann.inputs.options import Options as Common
 from papers.paper3_zoa_dann.inputs.options import read_options as read_common
@@ -172,7 +179,8 @@ def load_tasks(work: Work) -> list[tuple[TaskFile, Target]]:
     """The profile's tasks, as far as their data are at hand; task files lie beside the configuration."""
     found: list[tuple[TaskFile, Target]] = []
     missing = []
-    folder, common = work.config.with_name("tasks"), read_common()
+    own, common = work.config.with_name("tasks"), read_common()
+    folder = own if own.is_dir() else FOLDER
     for name in work.size.tasks:
         task = read_task(name, folder)
         if (target := load_recordings(task, work.root, common.target, work.size.rig_duration_s)) is None:
@@ -188,13 +196,12 @@ def load_tasks(work: Work) -> list[tuple[TaskFile, Target]]:
     return found
 
 
-def prepared(
-    work: Work, task: TaskFile, target: Target, common: Common, size: Size, chosen: Iterable[Cell]
-) -> Iterator[Prepared]:
+def prepared(work: Work, task: TaskFile, target: Target, chosen: Iterable[Cell]) -> Iterator[Prepared]:
     """Cells with their windows, the twin identified on what is adapted to, and the recipe of the source."""
     bearing = target.records.bearing
     if bearing is None:
         raise TwingapError("brings no bearing geometry", where=f"record set {target.records.name!r}")
+    common, size = read_common(), work.size
     source = dataclasses.replace(common.source, width_mm=task.width_mm)
     for cell in chosen:
         own = material(task, target.records, cell.available, cell.unseen)
@@ -229,7 +236,7 @@ def outcomes(work: Work) -> list[TaskOutcome]:
         materials: dict[Key, Material] = {}
         identified: dict[Key, Mapping[str, float]] = {}
         results: list[Result[Trial]] = []
-        for ready in prepared(work, task, target, common, size, cells(task, size, work.seed)):
+        for ready in prepared(work, task, target, cells(task, size, work.seed)):
             key = (ready.cell.available, ready.cell.unseen)
             materials[key], identified[key] = ready.material, ready.identified
             # The device is bound and no part of the key: what a training is does not depend on where it runs.
