@@ -206,26 +206,11 @@ class LifeEvidence:
     real_total: Array
 
 
-def simulated_error(evidence: LifeEvidence) -> float:
-    """RMS error on held-out simulated lives."""
-    return float(np.sqrt(np.mean(evidence.held_out**2)))
-
-
-def steadiness(evidence: LifeEvidence) -> float:
-    """Scatter of the whole life that the real records, one by one, are predicted to have."""
-    return float(np.std(evidence.real_total))
-
-
-def error_and_steadiness(evidence: LifeEvidence) -> float:
-    """Both in quadrature. A constant answer is steady, and a network that knows simulated records alone is exact there;
-    neither helps on the real run."""
-    return float(np.hypot(simulated_error(evidence), steadiness(evidence)))
-
-
 CRITERIA: Final[dict[str, Callable[[LifeEvidence], float]]] = {
-    "error_and_steadiness": error_and_steadiness,
-    "simulated_error": simulated_error,
-    "steadiness": steadiness,
+    # Both in quadrature: a constant answer is steady, and a network that knows simulated records alone is exact there.
+    "error_and_steadiness": lambda e: float(np.hypot(np.sqrt(np.mean(e.held_out**2)), np.std(e.real_total))),
+    "simulated_error": lambda e: float(np.sqrt(np.mean(e.held_out**2))),
+    "steadiness": lambda e: float(np.std(e.real_total)),
 }
 """Label-free criteria by name; lower is better."""
 

@@ -215,24 +215,26 @@ def judging(work: Work, data: Measured, recording: str) -> list[dict[str, Any]]:
     return [a.value for a in work["alarms"] if a.job.data == data.name and a.job.without == without]
 
 
-def severity(work: Work) -> pd.DataFrame:
-    """MQE of every recording, median of its windows, mean over seeds; of a healthy one by the map of the others, whose
-    threshold is another: `over threshold` is what compares."""
-    rows = []
+@as_table
+def _severities(work: Work) -> Rows:
+    """A row per recording: median MQE of its windows and how far over threshold, mean over seeds."""
     for name, data in work["data"].items():
         for r in data.recordings:
             here = judging(work, data, r)
-            values = {
-                k: np.mean([v["recordings"][r][k] for v in here]) for k in ("mqe", "mqe low", "mqe high", "share")
-            }
-            over = np.mean([v["recordings"][r]["mqe"] / v["threshold"] for v in here])
-            rows.append({
+            mean = {k: np.mean([v["recordings"][r][k] for v in here]) for k in ("mqe", "mqe low", "mqe high", "share")}
+            yield {
                 "data": TITLES[name], "class": data.classes[data.labels[r]], "bearing": data.bearings[r],
-                "size": data.sizes[r], "speed, rpm": data.speeds_rpm[r], "recording": r, "MQE": values["mqe"],
-                "MQE, 10 %": values["mqe low"], "MQE, 90 %": values["mqe high"], "over threshold": over,
-                "windows in alarm": values["share"],
-            })  # fmt: skip
-    return pd.DataFrame(rows).sort_values(["data", "class", "size", "recording"], ignore_index=True)
+                "size": data.sizes[r], "speed, rpm": data.speeds_rpm[r], "recording": r, "MQE": mean["mqe"],
+                "MQE, 10 %": mean["mqe low"], "MQE, 90 %": mean["mqe high"],
+                "over threshold": np.mean([v["recordings"][r]["mqe"] / v["threshold"] for v in here]),
+                "windows in alarm": mean["share"],
+            }  # fmt: skip
+
+
+def severity(work: Work) -> pd.DataFrame:
+    """MQE of every recording, median of its windows, mean over seeds; of a healthy one by the map of the others, whose
+    threshold is another: `over threshold` is what compares."""
+    return _severities(work).sort_values(["data", "class", "size", "recording"], ignore_index=True)
 
 
 @as_table

@@ -49,10 +49,8 @@ class FeatureMap:
     spread: Array
 
     def mqe(self, features: Array) -> Array:
-        """Distance of each window [windows, features] from its best matching unit [windows]; 0 on a unit.
-
-        In standard deviations of the training features (Euclidean over features).
-        """
+        """Distance of each window [windows, features] from its best matching unit [windows], in standard deviations of
+        the training features; 0 on a unit."""
         x = (np.atleast_2d(features) - self.centre) / self.spread
         square = (x**2).sum(axis=1)[:, None] - 2 * x @ self.weights.T + (self.weights**2).sum(axis=1)
         # The expanded square loses digits close to a unit: the distance itself is taken from the unit that it names.
@@ -63,19 +61,9 @@ class FeatureMap:
 def fit_map(
     features: Array, options: MapOptions, rng: np.random.Generator, scaling: tuple[Array, Array] | None = None
 ) -> FeatureMap:
-    """Train a map on windows of one state.
-
-    With fewer windows than units, the grid shrinks until it has no more units than windows. Raises `TwingapError` for
-    features that are not finite.
-
-    Parameters
-    ----------
-    features : Array [windows, features]
-    rng : numpy.random.Generator
-        Drawn from once, for the order of the windows.
-    scaling : (Array, Array) or None
-        Centre and spread [features]; those of `features` when None. Maps that are compared need a common one.
-    """
+    """Train a map on windows [windows, features] of one state; a smaller grid where it would have more units than
+    windows. `scaling` is centre and spread [features], in common for maps that are compared. Raises `TwingapError` for
+    features that are not finite."""
     x = np.atleast_2d(np.asarray(features, dtype=np.float64))
     if x.size == 0 or not np.isfinite(x).all():
         raise TwingapError("features are missing or not finite", where="self-organising map")

@@ -84,7 +84,9 @@ def results(work: Work) -> list[TaskResult]:
     found, bearing = [], records.bearing
     assert bearing is not None
     for task in make_tasks(size.tasks, records):
-        own = _measured(task, options, size)
+        length, count = options.target.window_samples, size.windows_per_recording
+        adapt, evaluate = cut(task.adapt, length, count), cut(task.evaluate, length, count, options.target.classes)
+        own = Measured(adapt, evaluate)
         asked = Identification(
             task.name, bearing, options.target.classes, options.source, options.identification, size.evaluations
         )
@@ -97,11 +99,6 @@ def results(work: Work) -> list[TaskResult]:
         found.append(TaskResult(task, own, parameters, recipe, trainings, **_yardsticks(task, own, options, bearing)))
         _log_task(work.log, found[-1])
     return found
-
-
-def _measured(task: Task, options: Options, sizes: Profile) -> Measured:
-    length, count = options.target.window_samples, sizes.windows_per_recording
-    return Measured(cut(task.adapt, length, count), cut(task.evaluate, length, count, options.target.classes))
 
 
 def _recipe(

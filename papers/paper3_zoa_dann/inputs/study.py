@@ -24,26 +24,24 @@ def all_tables(work: Work) -> dict[str, pd.DataFrame]:
     results, options, title = work["results"], work.options, work.title
     told = [{"data": title, "task": r.task.title, **r.identified} for r in results]
     return {
-        "accuracy": pd.DataFrame(accuracy(results, options, title)), "confusion": confusion(results, options, title),
-        "recordings": recordings(results, options, title),
-        "adaptation": pd.DataFrame(adaptation(results, options, title)), "selection": selection(results, title),
-        "identification": pd.DataFrame(told),
+        "accuracy": accuracy(results, options, title), "confusion": confusion(results, options, title),
+        "recordings": recordings(results, options, title), "adaptation": adaptation(results, options, title),
+        "selection": selection(results, title), "identification": pd.DataFrame(told),
     }  # fmt: skip
 
 
-def accuracy(results: Sequence[TaskResult], options: Options, data: str) -> list[dict[str, Any]]:
+@as_table
+def accuracy(results: Sequence[TaskResult], options: Options, data: str) -> Rows:
     """A row per task, input and method, then the yardsticks. ``oracle`` is of the checkpoint that target labels would
     have chosen; "chosen by ..." takes, for each seed, the input and method with the highest label-free score."""
-    rows = []
     for result in results:
         for (view, method), trainings in result.cells.items():
-            rows.append(_row(result, data, view, LABELS[method], trainings, options))
+            yield _row(result, data, view, LABELS[method], trainings, options)
         chosen = f"chosen by {options.judging.criterion}"
-        rows.append(_row(result, data, "any", chosen, _chosen(result, options), options))
-        rows.append(_yardstick(result, data, "-", "majority class", result.majority))
-        rows.append(_yardstick(result, data, "envelope", "analyst's rule", result.analyst))
-        rows.append(_yardstick(result, data, "envelope", "analyst's rule, whole recordings", result.analyst_whole))
-    return rows
+        yield _row(result, data, "any", chosen, _chosen(result, options), options)
+        yield _yardstick(result, data, "-", "majority class", result.majority)
+        yield _yardstick(result, data, "envelope", "analyst's rule", result.analyst)
+        yield _yardstick(result, data, "envelope", "analyst's rule, whole recordings", result.analyst_whole)
 
 
 def _chosen(result: TaskResult, options: Options) -> list[Result[Job]]:
@@ -80,9 +78,10 @@ def _yardstick(result: TaskResult, data: str, view: str, method: str, found: Sco
     }  # fmt: skip
 
 
-def confusion(results: Sequence[TaskResult], options: Options, data: str) -> pd.DataFrame:
+@as_table
+def confusion(results: Sequence[TaskResult], options: Options, data: str) -> Rows:
     """Windows by true and predicted class, summed over seeds, and those of the analyst's rule."""
-    classes, rows = options.target.classes, []
+    classes = options.target.classes
     for result in results:
         counts = {
             (view, LABELS[method]): np.sum([t.value["confusion"] for t in trainings], axis=0)
@@ -91,16 +90,14 @@ def confusion(results: Sequence[TaskResult], options: Options, data: str) -> pd.
         counts["envelope", "analyst's rule"] = result.analyst.confusion
         for (view, method), table in counts.items():
             for true, line in zip(classes, table, strict=True):
-                rows.append(
-                    {"data": data, "task": result.task.title, "input": view, "method": method, "true": true}
-                    | {f"called {name}": int(n) for name, n in zip(classes, line, strict=True)}
-                )
-    return pd.DataFrame(rows)
+                about = {"data": data, "task": result.task.title, "input": view, "method": method, "true": true}
+                yield about | {f"called {name}": int(n) for name, n in zip(classes, line, strict=True)}
 
 
-def recordings(results: Sequence[TaskResult], options: Options, data: str) -> pd.DataFrame:
+@as_table
+def recordings(results: Sequence[TaskResult], options: Options, data: str) -> Rows:
     """What each recording's windows are called, as shares over windows and seeds; by the analyst's rule as well."""
-    classes, rows = options.target.classes, []
+    classes = options.target.classes
     for result in results:
         groups, conditions = result.measured.evaluate.group, result.task.evaluate.conditions
         called = {
@@ -114,12 +111,11 @@ def recordings(results: Sequence[TaskResult], options: Options, data: str) -> pd
             for condition, probabilities in zip(conditions, of_each, strict=True):
                 counts = np.bincount(probabilities.argmax(axis=1), minlength=len(classes))
                 shares = zip(classes, counts / counts.sum(), strict=True)
-                rows.append({
+                yield {
                     "data": data, "task": result.task.title, "input": view, "method": method,
                     "recording": condition.name, "bearing": condition.extra["bearing_id"], "true": condition.fault,
                     **{f"called {name}": round(float(share), 3) for name, share in shares},
-                })  # fmt: skip
-    return pd.DataFrame(rows)
+                }  # fmt: skip
 
 
 @as_table
@@ -136,10 +132,10 @@ def selection(results: Sequence[TaskResult], data: str) -> Rows:
             }  # fmt: skip
 
 
-def adaptation(results: Sequence[TaskResult], options: Options, data: str) -> list[dict[str, Any]]:
+@as_table
+def adaptation(results: Sequence[TaskResult], options: Options, data: str) -> Rows:
     """What adaptation adds: accuracy of DANN minus that without, paired by seed, mean over tasks, by input;
     ``domain_accuracy`` is the discriminator's in the end (0.5: it can no longer tell)."""
-    rows = []
     for view in dict.fromkeys(view for result in results for view, _ in result.cells):
         gains, told = [], []
         for result in results:
@@ -150,8 +146,7 @@ def adaptation(results: Sequence[TaskResult], options: Options, data: str) -> li
         of_seeds = np.mean(gains, axis=0)
         row = {"data": data, "input": view, "tasks": len(results), "gain": float(of_seeds.mean())}
         row |= intervals(of_seeds, options.judging.levels)
-        rows.append(row | {"domain_accuracy": float(np.mean(told))})
-    return rows
+        yield row | {"domain_accuracy": float(np.mean(told))}
 
 
 def all_figures(work: Work) -> Iterator[tuple[str, Figure]]:
