@@ -1,12 +1,17 @@
 """Checks of what the types of a configuration's entries cannot say, and configurations that other studies read too."""
 
+from __future__ import annotations
+
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 from twingap import TwingapError
 from twingap.config import build, read_toml
 from twingap.provenance import digest_of_value, plain
+
+if TYPE_CHECKING:
+    from papers.framework import Inputs, Work
 
 T = TypeVar("T")
 
@@ -16,9 +21,10 @@ def read(kind: type[T], path: Path) -> T:
     return build(kind, read_toml(path), path)
 
 
-def as_input(options: Any) -> dict[str, tuple[Any, str]]:
-    """A configuration as an input of jobs, whose keys then depend on all of it but the profiles."""
-    return {"options": (options, digest_of_value({k: v for k, v in plain(options).items() if k != "profiles"}))}
+def as_input(work: Work) -> Inputs:
+    """The configuration as an input of jobs, whose keys then depend on all of it but the profiles."""
+    entries = {name: value for name, value in plain(work.options).items() if name != "profiles"}
+    return {"options": (work.options, digest_of_value(entries))}
 
 
 def expect(value: str, known: Iterable[str], where: str) -> None:

@@ -135,18 +135,8 @@ STUDY = Study(
     title="contact dynamics, simulated",
     options=jobs.Options,
     steps=(
-        Step(
-            "healthy",
-            jobs.settle,
-            lambda work: jobs.cases(work, ("healthy",), work.options.settle_s),
-            lambda work: as_input(work.options),
-        ),
-        Step(
-            "faulty",
-            jobs.strike,
-            lambda work: jobs.cases(work, work.options.faults, work.options.fault_s),
-            lambda work: as_input(work.options),
-        ),
+        Step("healthy", jobs.settle, lambda work: jobs.cases(work, ("healthy",), work.options.settle_s), as_input),
+        Step("faulty", jobs.strike, lambda work: jobs.cases(work, work.options.faults, work.options.fault_s), as_input),
     ),
     tables=all_tables,
     figures=all_figures,

@@ -219,8 +219,8 @@ STUDY = Study(
     data=DATA,
     options=jobs.Options,
     steps=(
-        Step("drifting", jobs.live_through, jobs.drifting, lambda work: as_input(work.options)),
-        Step("steady", jobs.live_through, jobs.steady, lambda work: as_input(work.options)),
+        Step("drifting", jobs.live_through, jobs.drifting, as_input),
+        Step("steady", jobs.live_through, jobs.steady, as_input),
     ),
     tables=all_tables,
     metrics=metrics,

@@ -200,7 +200,7 @@ def searches(work: Work) -> Iterator[Search]:
 
 def both(work: Work) -> Inputs:
     fit, judge = work["halves"]
-    return {"fit": (fit, fit.digest), "judge": (judge, judge.digest), **as_input(work.options)}
+    return {"fit": (fit, fit.digest), "judge": (judge, judge.digest), **as_input(work)}
 
 
 def comparisons(work: Work) -> Iterator[Comparison]:

@@ -116,7 +116,7 @@ STUDY = Study(
         Step("halves", jobs.halves),
         Step("searches", jobs.search, jobs.searches, lambda work: {"fit": jobs.both(work)["fit"]}),
         Step("comparisons", jobs.compare, jobs.comparisons, jobs.both),
-        Step("recoveries", jobs.recover, jobs.machines, lambda work: as_input(work.options)),
+        Step("recoveries", jobs.recover, jobs.machines, as_input),
     ),
     tables=all_tables,
     figures=figures.all_figures,
