@@ -25,6 +25,7 @@ from papers.options import expect
 from papers.paper3_zoa_dann.comparison.jobs import Cell, kept_modes, prepared
 from papers.paper3_zoa_dann.comparison.jobs import read_options as read_comparison
 from papers.paper3_zoa_dann.comparison.task_files import Material, windows_to_adapt_to
+from papers.paper3_zoa_dann.inputs.options import Size
 from papers.paper3_zoa_dann.inputs.options import read_options as read_common
 from papers.paper3_zoa_dann.source import Recipe, simulate
 from twingap.adapt import METHODS, Fitted, ModeInputs, Training, Windows, fit
@@ -38,17 +39,6 @@ LAYERS: Final = (
 )  # fmt: skip
 """Layers that are probed, in the order of the network; a method has some of them."""
 BATCH: Final = 128
-
-
-@dataclass(frozen=True)
-class Size:
-    tasks: tuple[str, ...]
-    seeds: int
-    steps: int
-    bearings_per_class: int
-    records_per_bearing: int
-    evaluations: int
-    rig_duration_s: float
 
 
 @dataclass(frozen=True)

@@ -51,14 +51,20 @@ class JudgingOptions:
 
 
 @dataclass(frozen=True)
-class Profile:
+class Size:
+    """What every study of trainings has in a profile."""
+
     bearings: tuple[str, ...]
-    variants: tuple[str, ...]
-    models: tuple[str, ...]
     seeds: int
     steps: int
-    copies: int
     most_records: int
+
+
+@dataclass(frozen=True)
+class Profile(Size):
+    variants: tuple[str, ...]
+    models: tuple[str, ...]
+    copies: int
 
     def __post_init__(self) -> None:
         for model in self.models:

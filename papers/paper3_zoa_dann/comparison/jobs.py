@@ -31,6 +31,7 @@ from papers.paper3_zoa_dann.comparison.task_files import (
     read_task,
 )
 from papers.paper3_zoa_dann.comparison.trial import ALL, CLOSED, Trial, noise_words, run_trial
+from papers.paper3_zoa_dann.inputs import options as common_options
 from papers.paper3_zoa_dann.inputs.options import Options as Common
 from papers.paper3_zoa_dann.inputs.options import read_options as read_common
 from papers.paper3_zoa_dann.job import Identification, identified
@@ -60,22 +61,14 @@ class Published:
 
 
 @dataclass(frozen=True)
-class Size:
-    tasks: tuple[str, ...]
+class Size(common_options.Size):
     available: tuple[str, ...]
-    seeds: int
     strict_seeds: int
     noise_seeds: tuple[int, ...]
     snr_db: tuple[float, ...]
-    steps: int
-    bearings_per_class: int
-    records_per_bearing: int
-    evaluations: int
-    rig_duration_s: float
 
     def __post_init__(self) -> None:
-        if min(self.seeds, self.steps, self.bearings_per_class, self.records_per_bearing) < 1:
-            raise TwingapError("seeds, steps, bearings and records are at least 1")
+        super().__post_init__()
         if len(self.noise_seeds) != len(self.snr_db) or not all(0 <= count <= self.seeds for count in self.noise_seeds):
             found = f"noise_seeds = {list(self.noise_seeds)}"
             raise TwingapError(f"{found}, one of 0 to seeds = {self.seeds} for each of snr_db expected")

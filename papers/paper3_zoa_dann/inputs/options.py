@@ -1,6 +1,5 @@
 """The configuration of this paper: typed, frozen, read from config.toml."""
 
-import dataclasses
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final, Literal
@@ -11,6 +10,10 @@ from twingap.adapt import CRITERIA, VIEWS, Training
 from twingap.effects import catalogue
 
 CONFIG: Final = Path(__file__).with_name("config.toml")
+LEAST: Final = {
+    "seeds": 1, "steps": 1, "bearings_per_class": 1, "records_per_bearing": 1, "windows_per_recording": 1,
+    "evaluations": 0,
+}  # fmt: skip
 
 
 def _check_ranges(options: Any) -> None:
@@ -85,23 +88,32 @@ class JudgingOptions:
 
 
 @dataclass(frozen=True)
-class Profile:
+class Size:
+    """What every study of trainings has in a profile."""
+
     tasks: tuple[str, ...]
-    inputs: tuple[str, ...]
     seeds: int
     steps: int
     bearings_per_class: int
     records_per_bearing: int
-    windows_per_recording: int
     evaluations: int
     rig_duration_s: float
 
     def __post_init__(self) -> None:
+        for name, value in vars(self).items():
+            if name in LEAST and value < LEAST[name]:
+                raise TwingapError(f"{value} found, at least {LEAST[name]} expected", where=name)
+
+
+@dataclass(frozen=True)
+class Profile(Size):
+    inputs: tuple[str, ...]
+    windows_per_recording: int
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
         for view in self.inputs:
             expect(view, VIEWS, "inputs")
-        for field, value in dataclasses.asdict(self).items():
-            if isinstance(value, int) and value < (0 if field == "evaluations" else 1):
-                raise TwingapError(f"{value} found, at least 1 expected", where=field)
 
 
 @dataclass(frozen=True)
