@@ -1,8 +1,5 @@
 """Vibration snapshots of simulated lives with labels, and of the real run without.
 
-lives: speed, S(k) D(k), revolutions --amplitude for that peak to peak--> phenomenological twin --> Snapshots, labelled
-records of the run after K_anomaly, speed, place ------------------------------------------------> Snapshots, no labels
-
 Eq. 1 of paper 1: x_k = S(k) D(k) sum_i h(t - iT - tau_i) q(iT) A_i + n(t). S and D scale the impacts, and n(t) stays as
 it is: `effects.SpeedGain`, which drives all excitation, is not eq. 1. The end of life is defined on peak to peak, so
 each record's impacts are given the strength with which it, noise included, has S(k) D(k) peak to peak, give or take

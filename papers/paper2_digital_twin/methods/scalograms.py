@@ -1,12 +1,5 @@
 """Wavelet images in which a bearing fault looks alike on every machine: carrier frequency by envelope order.
 
-x [pieces, samples] --wavelet scalogram--> |W|^2 of each carrier --spectrum over the shaft's angle--> lines
-                                                |                                                      |
-                                            level of each carrier                       over Gaussian noise, over floor
-                                                +--- over that of the healthy machine ---+-------------+
-                                                                                         v
-                                                                     image [3, carriers, orders]
-
 A scalogram as it is shows ringing at the machine's own resonances: what one machine taught is wrong on the next. The
 spectrum of each of its rows, over orders, shows what repeats: an outer-race defect at BPFO, an inner-race one at BPFI
 between side lines of the shaft, whatever resonance carries them; a network that moves along carriers need not know

@@ -1,10 +1,5 @@
 """Self-organising maps: severity without a fault label, and the class of the nearest map.
 
-healthy features --held out in turn--> map of the others -> MQE --> threshold of a stated false-alarm rate
-       |                                                                    |
-       +--> map of all ----------------------------> MQE of a new window -> alarm?  how bad?
-labelled features --of each class--> map ----------> least MQE of a new record --> class
-
 The map (Kohonen 1990, DOI 10.1109/5.58325) is a grid of units spread over the features; MQE(x), the minimum
 quantisation error, is the distance from x to its best matching unit (Qiu, Lee, Lin and Yu 2003, DOI
 10.1016/j.aei.2004.08.001), as in paper 2. The paper gives no threshold. Here it is a conformal one (Vovk, Gammerman and

@@ -1,13 +1,5 @@
 """A plain network with and without adaptation, on several inputs: what an input is worth in the paper's frame.
 
-CWRU, or virtual rig --> recordings --> task: adapt | evaluate
-                                          |        |
-              identify k, c (no labels) <-+        |
-                        |                 |        |
-   contact twin --> labelled windows --> train (source_only, dann) x inputs x seeds --> select (no labels)
-                                                   |                                          |
-                                                   +--> judge <-------------------------------+
-
 Used in: Paper 3, dynamics-assisted unsupervised domain adaptation for rolling bearing fault diagnosis, Journal of
 Vibration and Control, DOI 10.1177/10775463261462852: its frame (twin, identification, DANN) with a plain network in
 place of the paper's, which `comparison` has.
