@@ -23,11 +23,11 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from papers.extra.life_gap import jobs as life_gap
 from papers.extra.life_gap.diagnoses import SEEN, Asked, modelled, pair_of, row_of
 from papers.extra.life_gap.jobs import MODELS, added, lives_config, root_of
 from papers.paper1_rul_varying_speed.cases import Case, adapted, case_of
 from papers.paper1_rul_varying_speed.job import Added, Job, job_of, train_and_judge
+from papers.paper1_rul_varying_speed.lives import options as lives_options
 from papers.paper1_rul_varying_speed.lives.options import Options as Lives
 from papers.paper1_rul_varying_speed.lives.options import read_options
 from papers.paper1_rul_varying_speed.methods.architecture import architecture_of
@@ -50,7 +50,7 @@ PRINTED, CLOSED = "printed", "closed"  # variants of the configuration
 
 
 @dataclass(frozen=True)
-class Size(life_gap.Size):
+class Size(lives_options.Size):
     waits_min: tuple[float, ...]
 
 
