@@ -3,25 +3,20 @@
 A study is named by paper and folder, or by the dotted name of its package where it lies elsewhere.
 """
 
-from __future__ import annotations
-
 import argparse
 import sys
 from collections.abc import Sequence
 from pathlib import Path
 
 from papers.framework import load_study
-from papers.reproduce import check_configurations, full_name, short_names
+from papers.reproduce import check_configurations, package_of, paper_of, short_names
 from twingap import TwingapError
 from twingap.effects import load_effects
 from twingap.track import MlflowTracker, NullTracker
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Run a study, tracked; a mistake of the user's is one line, an interruption another.
-
-    Raises `SystemExit` with status 2 after a mistake, 130 when interrupted.
-    """
+    """Run a study, tracked; a mistake of the user's is one line, an interruption another."""
     parser = argparse.ArgumentParser(
         prog="python -m papers", description=__doc__, epilog=f"Studies: {', '.join(short_names())}"
     )
@@ -66,8 +61,8 @@ def _run(name: str, uri: str | None, given: dict[str, object]) -> None:
     def say(what: str, done: int, total: int) -> None:
         print(f"\r{what}: {done} of {total}", end="" if done < total else "\n", file=sys.stderr, flush=True)
 
-    paper, package = full_name(name)
-    study = load_study(package)
+    package = package_of(name)
+    study, paper = load_study(package), paper_of(package)
     tags = {"paper": paper, "study": study.name, "profile": given["profile"]}
     tracker = NullTracker() if uri is None else MlflowTracker(uri or None, f"{paper} {study.name}".strip())
     with tracker.run(f"{study.name} · {given['profile']} · seed {given['seed']}", tags) as log:

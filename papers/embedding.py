@@ -1,7 +1,5 @@
 """t-SNE of a network's features, for figures."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -27,15 +27,8 @@ def subplots(size: tuple[float, float], rows: int = 1, columns: int = 1, **optio
 def grid(
     count: int, most: int, size: tuple[float, float], more: tuple[float, float], **options: Any
 ) -> tuple[Figure, Any]:
-    """A figure of `count` panels, at most so many across, and its panels [down, across]; the rest of them is blank.
-
-    Parameters
-    ----------
-    size, more : (float, float)
-        Width and height of a panel, and of what the figure has besides, inches.
-    options
-        Of `Figure.subplots`.
-    """
+    """A figure of `count` panels, at most `most` across, of `size` (inches) each and `more` besides, and its panels
+    [down, across]; unused ones are blank. Options as those of `Figure.subplots`."""
     across = max(min(count, most), 1)
     down = -(-max(count, 1) // across)
     figure, panels = subplots(

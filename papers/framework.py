@@ -21,9 +21,9 @@ from typing import TYPE_CHECKING, Any, ParamSpec
 
 from papers.figures import style
 from papers.imports import digest_of_imports
+from papers.options import read
 from twingap import TwingapError, files
-from twingap.config import build, read_toml
-from twingap.provenance import digest_of_path, plain
+from twingap.provenance import digest_of_path, digest_of_value, plain
 from twingap.sweep import BACKENDS, Result, sweep
 from twingap.track import NullTracker, Run
 
@@ -34,8 +34,7 @@ if TYPE_CHECKING:
 Progress = Callable[[str, int, int], None]
 """Called with what is being done, how much of it is done, and how much there is."""
 P = ParamSpec("P")
-Rows = Iterator[dict[str, Any]]
-"""Rows of a table: column -> value."""
+Rows = Iterator[dict[str, Any]]  # rows of a table: column -> value
 Inputs = Mapping[str, tuple[Any, str | None]]
 """Name of an argument of a step's function -> its value, and its digest; None where results do not depend on it."""
 
@@ -72,7 +71,6 @@ class Study:
     headlines: tuple[str, ...] = ()  # tables that are printed at the end
     columns: Mapping[str, tuple[str, ...]] = field(default_factory=dict)  # of headlines, where not all are printed
     data: str = ""  # where the numbers come from, unless a step says it
-    check: Callable[[Any, Path], None] | None = None  # raises `TwingapError` for what types of options cannot say
     metrics: Callable[[Work], Mapping[str, float | None]] = _nothing  # logged
     at_hand: Callable[[Path | None], bool] = lambda root: True  # in that data root; else a paper leaves the study out
     letters: tuple[int, int] = (13, 12)  # sizes of letters in figures, and of those in legends, points
@@ -82,11 +80,7 @@ class Study:
 
     def read(self, config: Path | None = None) -> Any:
         """The options; errors name file, key, value and what was expected."""
-        path = config or self.config
-        options = build(self.options, read_toml(path), path)
-        if self.check is not None:
-            self.check(options, path)
-        return options
+        return read(self.options, config or self.config)
 
     def run(
         self, profile: str = "smoke", *, out: Path, root: Path | None = None, seed: int = 0, backend: str = "loky",
@@ -189,6 +183,10 @@ class Work:
 
     def __setitem__(self, step: str, made: Any) -> None:
         self._made[step] = made
+
+    def keyed(self, step: str, by: str) -> tuple[Any, str]:
+        """What a step made as an input of jobs, with the digest of the results of another that it was made from."""
+        return self[step], digest_of_value([result.key for result in self[by]])
 
     def sweep(
         self, function: Callable[..., Any], jobs: Iterable[Any], inputs: Inputs | None = None,

@@ -1,11 +1,7 @@
 """Digest of a module and of everything in this project that it imports: the code that a result depends on.
 
-module --its source--> import statements --each in turn--> closure: module -> file --> sha256
-
 Imports inside functions count, those for type checkers do not. Standard library and installed packages are left out.
 """
-
-from __future__ import annotations
 
 import ast
 import functools
@@ -29,11 +25,8 @@ def digest_of_imports(module: str) -> str:
 
 @functools.cache
 def closure(module: str) -> dict[str, Path]:
-    """Files of a module and of all modules in its packages that it imports, directly or not: dotted name -> source
-    file.
-
-    Sorted by name. The packages that hold the module are not followed: they declare studies.
-    """
+    """Sources of a module and of all modules in its packages that it imports, directly or not: dotted name -> file,
+    sorted. The packages that hold the module are not followed: they declare studies."""
     home = HOME | {module.partition(".")[0]}
     found: dict[str, Path] = {}
     waiting = [module]

@@ -1,7 +1,5 @@
 """Nested runs of trainings in the tracker: "task · method", and in each "task · method · seed"."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
@@ -15,18 +13,8 @@ def log_method(
     log: Run, settings: Mapping[str, str], trainings: Sequence[Result[Any]], metric: str, values: Sequence[float],
     log_training: Callable[[Run, Result[Any]], None],
 ) -> None:  # fmt: skip
-    """Log a method on a task into the task's run, and each of its trainings, one a seed, shown with the time that it
-    took.
-
-    Parameters
-    ----------
-    settings : mapping
-        What names the method, in words; parameters of all runs.
-    values : sequence of float
-        Of that metric, one a training; their mean and deviation are logged.
-    log_training : callable
-        Logs one training into its run.
-    """
+    """Log a method on a task, named by `settings`, into the task's run: mean and deviation of `values`, one a training,
+    and each training (by `log_training`) in a run that shows the time it took."""
     words = " · ".join(settings.values())
     with log.run(words, settings) as of_method:
         of_method.parameters(settings)
@@ -40,11 +28,8 @@ def log_method(
 
 
 def log_checkpoints(log: Run, value: Mapping[str, Any], names: Mapping[str, str]) -> None:
-    """Log curves over checkpoints: every label-free criterion, and of a training's `value` what `names` lists.
-
-    A value has ``steps`` [checkpoints], ``criteria`` (name -> [checkpoints]), and other entries [checkpoints]; `names`
-    are metric -> entry.
-    """
+    """Log curves over checkpoints: every label-free criterion, and entries of a training's `value` by `names` (metric
+    -> entry)."""
     for place, at in enumerate(value["steps"]):
         curves = {f"criterion {name}": scores[place] for name, scores in value["criteria"].items()}
         log.metrics({metric: value[entry][place] for metric, entry in names.items()} | curves, step=at)

@@ -1,10 +1,4 @@
-"""The papers, each a list of studies that run one after the other, so that each has all cores.
-
-study --> study --> ... --> headlines: one list of rows --> the caller
-(each: jobs in OUT/results, tables, a nested run)
-"""
-
-from __future__ import annotations
+"""The papers, each a list of studies that run one after the other, so that each has all cores."""
 
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
@@ -25,26 +19,26 @@ FOLDERS: Final = {
 BOTH: Final = ("smoke", "full")
 PAPERS: Final[Mapping[str, Mapping[str, tuple[str, ...]]]] = {
     "paper1": {
-        "paper1_rul_varying_speed.lives": BOTH,
+        "paper1.lives": BOTH,
         "extra.femto": ("full",),
         "extra.femto_score": ("full",),
         "extra.rig_lives": ("full",),
-        "paper1_rul_varying_speed.ablation": ("full",),
+        "paper1.ablation": ("full",),
         "extra.life_gap": ("full",),
         "extra.femto_lives": ("full",),
     },
     "paper2": {
-        "paper2_digital_twin.dynamics": BOTH,
-        "paper2_digital_twin.live": BOTH,
-        "paper2_digital_twin.degradation": BOTH,
+        "paper2.dynamics": BOTH,
+        "paper2.live": BOTH,
+        "paper2.degradation": BOTH,
         "extra.lines": BOTH,
-        "paper2_digital_twin.availability": BOTH,
+        "paper2.availability": BOTH,
         "extra.transfer_gap": BOTH,
     },
     "paper3": {
-        "paper3_zoa_dann.identification": BOTH,
-        "paper3_zoa_dann.comparison": BOTH,
-        "paper3_zoa_dann.inputs": BOTH,
+        "paper3.identification": BOTH,
+        "paper3.comparison": BOTH,
+        "paper3.inputs": BOTH,
         "extra.quantities": (),
         "extra.baselines": (),
         "extra.layers": (),
@@ -80,24 +74,12 @@ def run(
     seed: int = 0, backend: str = "loky", address: str | None = None,
     progress: Progress = lambda what, done, total: None, draw: bool = True, only: Collection[str] | None = None,
 ) -> Outcome:  # fmt: skip
-    """Run a paper's studies; what an interrupted run has finished is taken up again.
-
-    Raises `TwingapError` for a profile, study, backend, data root or folder that cannot be used.
-
-    Parameters
-    ----------
-    paper, profile : {"paper1", "paper2", "paper3"}, {"smoke", "full"}
-        Each study's own configuration says what a profile is.
-    out, root, seed, backend, address, progress, draw
-        See `papers.framework.Study.run`.
-    tracker : Tracker or None
-        Where the run is logged; None keeps no log.
-    only : collection of str, optional
-        Names of studies to run; all of the profile when None.
-    """
+    """Run a paper's studies of a profile, or those named by `only`; what an interrupted run has finished is taken up
+    again. Raises `TwingapError` for a profile, study, backend, data root or folder that cannot be used. For the other
+    parameters see `papers.framework.Study.run`."""
     if profile not in BOTH:
         raise TwingapError(f"unknown profile {profile!r}", mend=f"use one of {', '.join(BOTH)}")
-    studies = {package.rpartition(".")[2]: package for package, when in PAPERS[paper].items() if profile in when}
+    studies = {name.rpartition(".")[2]: package_of(name) for name, when in PAPERS[paper].items() if profile in when}
     if unknown := sorted(set(only or ()) - studies.keys()):
         raise TwingapError(f"unknown study {unknown[0]!r}", mend=f"use one of {', '.join(studies)}")
     works: dict[str, Work] = {}
@@ -109,7 +91,7 @@ def run(
         for name, package in studies.items():
             if only is not None and name not in only:
                 continue
-            study = load_study(f"papers.{package}")
+            study = load_study(package)
             if not study.at_hand(root):
                 missing.append(name)
                 continue
@@ -121,21 +103,20 @@ def run(
         return Outcome(works, tuple(missing), out, getattr(log, "id", None))
 
 
-def full_name(name: str) -> tuple[str, str]:
-    """Paper that a study belongs to ("" for none), and the dotted name of its package.
-
-    `name` is ``paper2.dynamics``, ``extra.lines``, or a package's own name.
-    """
+def package_of(name: str) -> str:
+    """Dotted name of a study's package, by ``paper2.dynamics``, ``extra.lines``, or that name itself."""
     first, _, rest = name.partition(".")
-    package = f"{FOLDERS[first]}.{rest}" if first in FOLDERS else name
-    return next((paper for paper, own in PAPERS.items() if package.removeprefix("papers.") in own), ""), package
+    return f"{FOLDERS[first]}.{rest}" if first in FOLDERS else name
+
+
+def paper_of(package: str) -> str:
+    """Paper that a study's package belongs to; "" for none."""
+    return next((paper for paper, own in PAPERS.items() if package in map(package_of, own)), "")
 
 
 def short_names() -> dict[str, str]:
     """Every study: ``paper2.dynamics`` -> the dotted name of its package."""
-    short = {folder.removeprefix("papers."): name for name, folder in FOLDERS.items()}
-    packages = (package.rpartition(".") for own in PAPERS.values() for package in own)
-    return {f"{short[folder]}.{name}": f"papers.{folder}.{name}" for folder, _, name in packages}
+    return {name: package_of(name) for own in PAPERS.values() for name in own}
 
 
 def check_configurations(name: str | None = None) -> list[str]:
@@ -143,5 +124,5 @@ def check_configurations(name: str | None = None) -> list[str]:
 
     Raises `TwingapError` for the first that is wrong: file, key, value and what was expected.
     """
-    asked = short_names() if name is None else {name: full_name(name)[1]}
+    asked = short_names() if name is None else {name: package_of(name)}
     return [f"{name}: profiles {', '.join(load_study(package).read().profiles)}" for name, package in asked.items()]

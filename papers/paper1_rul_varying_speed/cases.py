@@ -1,9 +1,4 @@
-"""Runs to predict: what is known of each at the moment of prediction, and, for evaluation alone, its continuation.
-
-Smart Maintenance set, or virtual rig --> run by run --> Case: twin, records up to now | later rows, the truth
-"""
-
-from __future__ import annotations
+"""Runs to predict: what is known of each at the moment of prediction, and, for evaluation alone, its continuation."""
 
 import hashlib
 from collections.abc import Callable, Sequence
@@ -19,8 +14,7 @@ from papers.paper1_rul_varying_speed.lives.options import TargetOptions
 from papers.paper1_rul_varying_speed.methods import adaptive_twin
 from papers.paper1_rul_varying_speed.methods.adaptive_twin import Adaptation, AdaptiveTwin, NoLifeError
 from papers.paper1_rul_varying_speed.methods.degradation import end_row
-from papers.paper1_rul_varying_speed.methods.remaining_life import remaining_revolutions, remaining_time_s
-from papers.paper1_rul_varying_speed.methods.run import Run, read_run
+from papers.paper1_rul_varying_speed.methods.run import Run, read_run, remaining_revolutions, remaining_time_s
 from papers.paper1_rul_varying_speed.methods.simulated_lives import Snapshots, measured_snapshots
 from twingap import Bearing, RecordSet, TwingapError, data
 from twingap.prognosis import normalised_peak_to_peak
@@ -114,11 +108,8 @@ def load_target(
     options: TargetOptions, root: Path | None, bearings: Sequence[str],
     progress: Callable[[str, float], None] = lambda what, fraction: None,
 ) -> Target:  # fmt: skip
-    """The real runs when they are at hand, else the virtual rig's; `progress` is told what is made, and its fraction.
-
-    Raises `TwingapError` when `root` is given and does not hold what is needed (who names data wants those used), or
-    runs are at hand and are not all there.
-    """
+    """The real runs when they are at hand, else the virtual rig's, of whose making `progress` is told. Raises
+    `TwingapError` when `root` is given without them (who names data wants those used), or runs are missing."""
     try:
         records = data.load(options.data_set, root)
     except data.NotAtHandError:
@@ -168,10 +159,8 @@ def case_of(
     records: RecordSet, run: Run, twin: AdaptiveTwin, end: int, waited: tuple[str, ...], *, name: str, fault: str,
     n_samples: int, healthy_rows: int, onset_s: float | None = None,
 ) -> Case:  # fmt: skip
-    """Records up to now for the training, unlabelled; those to the end, with labels, for the judge alone.
-
-    Of each record the first `n_samples` are taken.
-    """
+    """The first `n_samples` of records up to now for training, unlabelled; of those to the end, with labels, for the
+    judge alone."""
     if records.bearing is None:
         raise TwingapError("brings no bearing geometry", where=f"record set {records.name!r}")
     onset, fs_hz = twin.onset_row, records.conditions[0].fs_hz

@@ -1,10 +1,4 @@
-"""One training and its evaluation: the job that the sweep runs for each bearing, model and seed.
-
-twin --> simulated lives, labelled --+--> train --> checkpoints --> choose without labels --> judge on the whole run
-records up to now, no labels --------+
-"""
-
-from __future__ import annotations
+"""One training and its evaluation: the job that the sweep runs for each bearing, model and seed."""
 
 from dataclasses import dataclass, replace
 from typing import Any
@@ -67,10 +61,8 @@ _held: dict[str, tuple[Snapshots, Snapshots]] = {}
 
 
 def simulate(job: Job, known: Known, digest: str = "") -> tuple[Snapshots, Snapshots]:
-    """Labelled records of lives, for training and held out; the same for all models of a seed.
-
-    With the digest of the run they may be taken from those made last.
-    """
+    """Labelled records of lives, for training and held out, the same for all models of a seed; with the digest of the
+    run they may be taken from those made last."""
     rates = tuple(life.rate for life in (*known.twin.lives, *known.twin.held_out))
     key = repr((digest, known.name, rates, job.seed, job.signal, job.copies, job.most_records, job.added))
     if not digest or key not in _held:
@@ -112,16 +104,9 @@ def fit(job: Job, known: Known, digest: str = "") -> tuple[learning.TrainedLife,
 
 
 def train_and_judge(job: Job, case: Case) -> dict[str, Any]:
-    """Train, choose a checkpoint without labels of the run, and judge it.
-
-    Returns
-    -------
-    dict
-        ``revolutions`` (predicted by the chosen checkpoint [judged rows]), ``criteria`` (criterion -> score per
-        checkpoint), ``chosen`` (criterion -> place of its checkpoint), ``place``, ``rmse_min`` (RMSE of remaining time
-        per checkpoint: known only to the judge), curves of training, ``simulated`` (how many records), and the
-        embedding if asked for.
-    """
+    """Train, choose a checkpoint without labels of the run, judge: predicted ``revolutions`` [judged rows] of the
+    chosen one, scores and choice by criterion, ``rmse_min`` per checkpoint (known only to the judge), curves of
+    training, number of simulated records, embedding if asked for."""
     trained, held_out = fit(job, case.known, case.digest)
     evidence = learning.judge_checkpoints(trained, held_out, case.known.real, case.known.dt_s)
     chosen = {name: learning.choose(evidence, name) for name in learning.CRITERIA}

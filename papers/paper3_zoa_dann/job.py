@@ -1,9 +1,4 @@
-"""One training and its evaluation: the job that the sweep runs for each task, input, method and seed.
-
-source (labelled) ---+--> train --> checkpoints --> select without target labels --> judge on other recordings
-adapt (no labels) ---+                                      |                                   |
-                                                    scores of every criterion         oracle, in a column of its own
-"""
+"""One training and its evaluation: the job that the sweep runs for each task, input, method and seed."""
 
 from __future__ import annotations
 
@@ -61,15 +56,8 @@ def fit(job: Job, adapt: Windows) -> tuple[Trained, Windows]:
 
 
 def train_and_judge(job: Job, measured: Measured) -> dict[str, Any]:
-    """Train, choose a checkpoint without target labels, and judge it.
-
-    Returns
-    -------
-    dict
-        ``criteria`` (criterion -> score per checkpoint), ``chosen`` (criterion -> place of its checkpoint),
-        ``accuracy`` (target accuracy per checkpoint: known only to the judge), figures of the checkpoint chosen by
-        ``job.criterion`` (confusion, probabilities, recordings right), and of training.
-    """
+    """Train, choose a checkpoint without target labels, judge it: scores and choice by criterion, ``accuracy`` per
+    checkpoint (known only to the judge), figures of the checkpoint chosen by ``job.criterion`` and of training."""
     trained, held = fit(job, measured.adapt)
     assert held.labels is not None
     x_held, x_adapt = inputs(held, job.view), inputs(measured.adapt, job.view)

@@ -1,7 +1,4 @@
-"""Whether one method beats another: exact sign-flip tests of paired differences, corrected for their number.
-
-accuracies of two methods, paired by task and seed --> differences --> p of their sum under all sign flips --> Holm
-"""
+"""Whether one method beats another: exact sign-flip tests of paired differences, corrected for their number."""
 
 from __future__ import annotations
 
@@ -14,8 +11,7 @@ from numpy.typing import NDArray
 if TYPE_CHECKING:
     import pandas as pd
 
-STEP: Final = 1e-4
-"""Differences are counted in hundredths of a point; what is finer is rounded away."""
+STEP: Final = 1e-4  # differences are counted in hundredths of a point; what is finer is rounded away
 
 
 def sign_flip(differences: Sequence[float] | NDArray[np.float64], step: float = STEP) -> float:

@@ -10,8 +10,6 @@ fault stands above the noise cannot be estimated without labels: it is drawn, wi
 contact twin to records whose states are known, which these are not.)
 """
 
-from __future__ import annotations
-
 import contextlib
 import dataclasses
 from collections.abc import Iterator, Mapping, Sequence
@@ -51,17 +49,9 @@ def identify(
     measured: Windows, bearing: Bearing, classes: Sequence[str], source: SourceOptions,
     options: IdentificationOptions, evaluations: int,
 ) -> dict[str, float]:  # fmt: skip
-    """The contact twin's free parameters from windows whose labels are not read; all classes are simulated alike.
-
-    Half of the evaluations of the objective go to a quasi-random (Sobol) sample of the box, the rest to ever smaller
-    steps around the best so far; 0 gives the preset's values.
-
-    Returns
-    -------
-    dict
-        `FREE` (to four digits, so that a machine's last bit changes nothing downstream), and ``rmse_db_before``,
-        ``rmse_db``: distance of the spectra with the preset's values and with these.
-    """
+    """The contact twin's free parameters (`FREE`, to four digits) from windows whose labels are not read, all classes
+    simulated alike, and distances of spectra before and after, dB. Half of the evaluations are a Sobol sample of the
+    box, the rest ever smaller steps about the best; 0 gives the preset's values."""
     preset = PRESETS[source.preset]
     wanted = mean_log_spectrum(measured, options.segment_samples)
     length = source.windows_per_record * measured.samples.shape[1]
@@ -217,8 +207,7 @@ def _drawn_values(name: str, fs_hz: float, rng: np.random.Generator) -> dict[str
 
 
 _TRIES: Final = 100
-AT_ONCE: Final = 64
-"""Bearings integrated together: lanes of the integrator are full, and memory stays bounded."""
+AT_ONCE: Final = 64  # bearings integrated together: lanes of the integrator are full, and memory stays bounded
 
 
 def _records(

@@ -1,9 +1,4 @@
-"""Target data: recordings to adapt to and to evaluate on.
-
-data set, or virtual rig --> recordings --> Task: adapt (labels taken away) | evaluate (other recordings, labelled)
-"""
-
-from __future__ import annotations
+"""Target data: recordings to adapt to and to evaluate on."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -38,11 +33,8 @@ class Task:
 
 
 def load_target(options: TargetOptions, root: Path | None, rig_duration_s: float) -> Target:
-    """The public records when they are at hand, else the virtual rig, whose recordings last so long.
-
-    Raises `TwingapError` when the records are there in part or cannot be read, or `root` is given and does not hold
-    them: who names data wants those used.
-    """
+    """The public records when they are at hand, else the virtual rig with recordings so long. Raises `TwingapError`
+    when they are there in part, or `root` is given without them: who names data wants those used."""
     try:
         return Target(_wanted(data.load(options.data_set, root), options), options.data_set.upper())
     except data.NotAtHandError:
@@ -68,12 +60,9 @@ def _wanted(records: RecordSet, options: TargetOptions) -> RecordSet:
 
 
 def make_tasks(names: Sequence[str], records: RecordSet) -> list[Task]:
-    """Tasks by name, on records with the columns load_hp and fault_size_inch.
-
-    ``load_A_to_B``: adapt to all recordings at A hp, judge on all at B hp (the same bearings, another load).
-    ``unseen_S_A_to_B``: as well, the defective bearings of size S (inch) are left out of adaptation, and only they and
-    the healthy bearing (there is but one) are judged. Raises `TwingapError` for a name of another form.
-    """
+    """Tasks by name, on records with the columns load_hp and fault_size_inch: ``load_A_to_B`` adapts to all recordings
+    at A hp and judges all at B; ``unseen_S_A_to_B`` leaves defective bearings of size S (inch) out of adaptation and
+    judges them and the healthy one alone."""
     return [_task(name, records) for name in names]
 
 

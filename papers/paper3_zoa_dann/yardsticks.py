@@ -1,10 +1,4 @@
-"""Reference results for comparison: guessing, and the analyst's rule on the envelope spectrum.
-
-windows --> band (whole, or most impulsive) --> squared-envelope spectrum --> prominence at the fault orders
-        --> the strongest, or healthy
-"""
-
-from __future__ import annotations
+"""Reference results for comparison: guessing, and the analyst's rule on the envelope spectrum."""
 
 import math
 from functools import lru_cache
@@ -20,8 +14,7 @@ from twingap.signal import Spectrum, lines_at, most_impulsive_band, squared_enve
 
 Read = Literal["whole", "impulsive"]
 HARMONICS = 2
-TOLERANCE = 0.02
-"""Bearings slip by up to a per cent or two."""
+TOLERANCE = 0.02  # bearings slip by up to a per cent or two
 
 
 def majority(labels: NDArray[np.int64], n_classes: int) -> float:
@@ -35,16 +28,9 @@ def analyst(
     """The analyst's rule: the fault whose order stands out most in the squared-envelope spectrum, or healthy [windows,
     classes], one-hot.
 
-    Parameters
-    ----------
-    classes : tuple[str, ...]
-        "healthy" among them.
-    false_alarm : float
-        Share of structureless windows (white noise) that the rule calls faulty; its threshold is set by simulating
-        them. No record is looked at for that.
-    band : {"whole", "impulsive"}
-        Demodulate all of each window, or the band of its kurtogram with the highest kurtosis, at least three times as
-        wide as the highest fault frequency.
+    `false_alarm` is the share of simulated white-noise windows that the rule calls faulty; no record is looked at for
+    that. `band` "whole" demodulates all of each window, "impulsive" the band of its kurtogram with the highest
+    kurtosis, at least three times as wide as the highest fault frequency.
     """
     length = windows.samples.shape[1]
     # Recordings of almost equal length share a threshold: simulating theirs takes seconds.

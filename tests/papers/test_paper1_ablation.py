@@ -53,7 +53,7 @@ def test_true_lives_are_nearer_to_the_truth_and_still_know_nothing_of_later_reco
 
 
 def test_records_of_other_lives_are_made_anew(case: Case, options: Options) -> None:
-    (job, *_) = ablation.trainings_of(case, options, Size(("A148",), 1, 4, 1, 60), 0)
+    (job, *_) = ablation.trainings_of(case, options, Size(("A148",), 1, 4, 60, 1), 0)
     other = with_true_lives(case, options.adaptation)
     made = simulate(job, case.known, case.digest)[0]
     changed = simulate(job, other.known, other.digest)[0]
@@ -84,7 +84,7 @@ def test_tables_stand_beside_dann() -> None:
 
 
 def test_the_study_goes_on_from_its_store(root: Path, config: Path, tmp_path: Path) -> None:
-    size = Size(("A148",), 1, 4, 1, 60)
+    size = Size(("A148",), 1, 4, 60, 1)
     first = run(size, config, tmp_path, root)
     every = first.tables["ablation"]
     assert set(every["lives"]) == {SIMULATED, TRUE} and len(every) == 8 and first.computed == 8
@@ -110,7 +110,7 @@ def test_a_run_for_which_no_life_can_be_simulated_is_left_out_and_named(
     monkeypatch.setattr(ablation, "read_case", of_one)
     monkeypatch.setattr(ablation, "load_target", lambda options, where, names: load_target(options, where, ["A148"]))
     for bearings in (("A148", "A150"), ("A150",)):
-        given = (Size(bearings, 1, 4, 1, 60, (DANN,), (SIMULATED,)), config, tmp_path, root)
+        given = (Size(bearings, 1, 4, 60, 1, (DANN,), (SIMULATED,)), config, tmp_path, root)
         if len(bearings) == 1:
             with pytest.raises(TwingapError, match="no run can be trained for: run A150: no life"):
                 run(*given)
@@ -137,7 +137,7 @@ def test_a_question_may_be_asked_of_some_models_and_lives_on_another_bench(
 
     monkeypatch.setattr(ablation, "load_target", watched)
     models = (DANN, "DANN + speed")
-    made = run(Size(("A148",), 1, 4, 1, 60, models, (SIMULATED,), bench=5), config, tmp_path, root)
+    made = run(Size(("A148",), 1, 4, 60, 1, models, (SIMULATED,), bench=5), config, tmp_path, root)
     every, summary = made.tables["ablation"], made.tables["ablation_summary"]
     assert list(every["model"]) == list(models) == list(summary["model"]) and set(every["lives"]) == {SIMULATED}
     assert asked == [5] and made.computed == 2

@@ -9,8 +9,7 @@ import pandas as pd
 import pytest
 
 from papers.extra.femto import jobs as femto
-from papers.extra.femto.figures import errors
-from papers.extra.femto.study import STUDY, pooled
+from papers.extra.femto.study import STUDY, errors, pooled
 from twingap.errors import TwingapError
 
 RUNS = {"Bearing1_1": 160, "Bearing1_2": 130, "Bearing2_1": 145}

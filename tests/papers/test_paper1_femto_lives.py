@@ -10,9 +10,7 @@ import pandas as pd
 import pytest
 
 from papers.extra.femto_lives import jobs as femto_lives
-from papers.extra.femto_lives.figures import lives
-from papers.extra.femto_lives.study import STUDY
-from papers.extra.femto_lives.tables import AS_PRINTED, CLOSED, NAMED, errors, summary, twin_of
+from papers.extra.femto_lives.study import AS_PRINTED, CLOSED, NAMED, STUDY, errors, lives, summary, twin_of
 from papers.framework import Work
 from papers.paper1_rul_varying_speed.cases import Case
 from papers.paper1_rul_varying_speed.job import Added, train_and_judge

@@ -12,9 +12,7 @@ import pytest
 from papers.extra.life_gap import diagnoses
 from papers.extra.life_gap import jobs as life_gap
 from papers.extra.life_gap.diagnoses import LATER, SEEN, SPEEDS, Asked
-from papers.extra.life_gap.figures import gaps
-from papers.extra.life_gap.study import STUDY
-from papers.extra.life_gap.tables import summary, verdicts
+from papers.extra.life_gap.study import STUDY, gaps, summary, verdicts
 from papers.paper1_rul_varying_speed.cases import Case
 from papers.paper1_rul_varying_speed.job import Added, simulate, train_and_judge
 from papers.paper1_rul_varying_speed.lives.options import read_options

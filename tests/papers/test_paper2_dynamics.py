@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import re
 from pathlib import Path
 
@@ -70,7 +71,8 @@ def test_settled_is_inside_for_the_whole_judged_part(off: list[float], settled: 
 
 def test_a_ring_that_is_off_in_the_judged_half_has_not_settled() -> None:
     """At 6000 rpm rollers pass too fast for a ring with 15 um of clearance; its last point happens to lie inside."""
-    found = settle(Case("physical", "6205", "healthy", 6000.0, 500.0, 15.0, 20000.0, 0.12, 0.002, 0.5, 0.02))
+    options = dataclasses.replace(STUDY.read(), reference_s=0.002, settled_part=0.5, within=0.02)
+    found = settle(Case("physical", "healthy", 6000.0, 500.0, 15.0, 0.12), options)
     assert found["most_off_percent"] > 4 and found["settled_s"] is None
 
 
@@ -83,8 +85,7 @@ def test_every_fault_strikes_on_time(study: Work) -> None:
 
 def test_a_line_elsewhere_is_not_called_on_time() -> None:
     """Half the speed and the same records: nothing is where it is expected."""
-    case = Case("physical", "6205", "outer", 1797.0, 500.0, 5.0, 20000.0, 0.8, 0.01, 0.5, 0.02)
-    value = strike(case)
+    value = strike(Case("physical", "outer", 1797.0, 500.0, 5.0, 0.8), STUDY.read())
     off = np.abs(value["order"] - 0.7 * value["expected"])
     assert value["lines"][off < 0.1].max() < 0.1 * value["lines"].max()
 

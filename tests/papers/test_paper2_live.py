@@ -105,7 +105,7 @@ def test_an_alarm_counts_also_where_nothing_better_is_found(
     monkeypatch.setattr(DriftDetector, "push", told)
     monkeypatch.setattr(twin, "refit", in_vain)
     job = dataclasses.replace(study["drifting"][0].job, arms=("live",))
-    value = live_through(job)
+    value = live_through(job, study.options)
     updates = value["arms"]["live"]["updates"]
     assert set(updates["kind"]) == {"law", "kept"} and alarms
     result = dataclasses.replace(study["drifting"][0], job=job, value=value)
@@ -135,7 +135,7 @@ def test_ratios_by_hand(study: Work) -> None:
 
 def test_the_kept_back_snapshot_is_predicted_before_it_is_seen(study: Work) -> None:
     first = study["drifting"][0]
-    arrived = messages_of(first.job, machine_of(first.job))
+    arrived = messages_of(first.job, machine_of(first.job, study.options), study.options.poor_line)
     last = max(m.time_s for m in arrived if isinstance(m, Snapshot))
     for value in first.value["arms"].values():
         assert value["judged"]["time_s"][-1] == last
@@ -154,7 +154,7 @@ def test_taken_up_again_with_the_same_tables(study: Work, folder: Path, config: 
 
 def test_the_same_machine_makes_the_same_twin(study: Work) -> None:
     (steady,) = study["steady"]
-    again = live_through(steady.job)
+    again = live_through(steady.job, study.options)
     assert again["arms"]["live"]["judged"] == steady.value["arms"]["live"]["judged"]
 
 

@@ -15,7 +15,7 @@ import torch
 
 from papers.framework import Work
 from papers.paper3_zoa_dann.inputs import jobs as pipeline
-from papers.paper3_zoa_dann.inputs import tables
+from papers.paper3_zoa_dann.inputs import study as tables
 from papers.paper3_zoa_dann.inputs.options import CONFIG, read_options
 from papers.paper3_zoa_dann.inputs.study import STUDY
 from papers.paper3_zoa_dann.job import Job, Measured, fit
@@ -281,7 +281,7 @@ def test_rows_add_up(whole: Work) -> None:
     assert (called.loc["DANN"].to_numpy().sum(), called.loc["analyst's rule"].to_numpy().sum()) == (2 * 40, 40)
     dann = called.loc["DANN"].to_numpy()
     assert np.trace(dann) / dann.sum() == pytest.approx(table["accuracy"][1])
-    (gain,) = tables.adaptation(whole["results"], whole.options, whole.title)
+    (gain,) = tables.adaptation(whole["results"], whole.options, whole.title).to_dict("records")
     assert gain["gain"] == pytest.approx(table["accuracy"][1] - table["accuracy"][0])
 
 

@@ -48,8 +48,7 @@ SETTINGS: Final[Mapping[str, tuple[Any, ...]]] = {
 covariances, components, ridge of the covariances, weight of the labels in the transport's cost."""
 PENALTY: Final = 0.1
 """Inverse penalty of the logistic regression behind every adaptation; smaller makes flatter probabilities."""
-MOST: Final = 1000
-"""Most source rows; the transport of JDOT takes time in proportion."""
+MOST: Final = 1000  # most source rows; the transport of JDOT takes time in proportion
 
 
 @dataclass(frozen=True)
@@ -74,14 +73,14 @@ def trials(ready: Prepared, task: str, criterion: str) -> Iterator[Trial]:
 
 def results(work: Work) -> list[tuple[str, Result[Trial]]]:
     """Every trial with the title of its data; balanced data, no noise added."""
-    common, size = read_common(), work.size
+    criterion = read_common().judging.criterion
     found: list[tuple[str, Result[Trial]]] = []
     for task, target in work["tasks"]:
-        chosen = [cell for cell in cells(task, size, work.seed) if cell.available == "balanced"]
-        for ready in prepared(work, task, target, common, size, chosen):
+        chosen = [cell for cell in cells(task, work.size, work.seed) if cell.available == "balanced"]
+        for ready in prepared(work, task, target, chosen):
             labelled = windows_to_adapt_to(task, target.records, "balanced", ready.cell.unseen)
             made = work.sweep(
-                run_trial, trials(ready, task.name, common.judging.criterion),
+                run_trial, trials(ready, task.name, criterion),
                 ready.inputs | {"labelled": (labelled, None)},
                 lambda job: f"{job.task}, {job.source}, unseen {job.unseen}, seed {job.seed}", f"task {task.name}",
             )  # fmt: skip
@@ -90,17 +89,9 @@ def results(work: Work) -> list[tuple[str, Result[Trial]]]:
 
 
 def run_trial(job: Trial, material: Material, labelled: Windows) -> dict[str, dict[str, Any]]:
-    """Fit every method with each of its settings, choose the setting without target labels, judge.
-
-    `labelled` are the windows adapted to, with labels: for the source "real labels" alone, from which nothing is
-    adapted.
-
-    Returns
-    -------
-    dict
-        Method -> `scores` of all judged windows with ``oracle``, the accuracy of the best setting by target labels;
-        ``unseen``, the same of bearings that were not adapted to (None without any); ``setting``, the one chosen.
-    """
+    """Fit every method with each of its settings, choose the setting without target labels, judge: method -> `scores`
+    of all judged windows, ``unseen`` (those of bearings not adapted to, or None) and the setting. `labelled`, the
+    windows adapted to with their labels, are for the source "real labels" alone."""
     bearing, real = job.recipe.bearing, job.source == "real labels"
     rows, labels = _rows(labelled, bearing) if real else _simulated(job.source, job.recipe)
     target, truth = order_features(material.adapt, bearing), material.evaluate.labels
@@ -133,14 +124,8 @@ def _at(place: int, told: Sequence[Array], truth: Labels) -> dict[str, Any]:
 
 
 def adapted(method: str, setting: Any, rows: Array, labels: Labels, target: Array) -> Callable[[Array], Array]:
-    """Fit one method of `SETTINGS`: a function from target rows to probabilities [rows, classes].
-
-    Parameters
-    ----------
-    rows, labels : arrays [source rows, features], [source rows]
-    target : Array [target rows, features]
-        Unlabelled.
-    """
+    """Fit one method of `SETTINGS` to labelled rows and unlabelled target rows [rows, features]: a function from target
+    rows to probabilities [rows, classes]."""
     import sklearn
     from sklearn.linear_model import LogisticRegression
     from sklearn.pipeline import make_pipeline

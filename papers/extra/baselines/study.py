@@ -1,7 +1,5 @@
 """Study of shallow baselines, configured as the comparison: trials; means by data set, source and method; tests."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from importlib.util import find_spec
 
@@ -9,7 +7,7 @@ import pandas as pd
 
 from papers.extra.baselines import jobs
 from papers.framework import Rows, Step, Study, Work, as_table
-from papers.paper3_zoa_dann.comparison.jobs import Options, check, load_tasks
+from papers.paper3_zoa_dann.comparison.jobs import Options, load_tasks
 from papers.paper3_zoa_dann.significance import corrected, paired
 from twingap.sweep import Result
 
@@ -60,7 +58,6 @@ STUDY = Study(
     name="baselines",
     title="shallow domain adaptation by skada",
     options=Options,
-    check=check,
     steps=(Step("tasks", load_tasks), Step("results", jobs.results)),
     tables=all_tables,
     headlines=("baselines-mean",),

@@ -24,20 +24,19 @@ import numpy as np
 
 from papers.arrays import Array
 from papers.extra.femto import rivals
-from papers.paper1_rul_varying_speed.methods.remaining_life import remaining_time_s
+from papers.paper1_rul_varying_speed.methods.run import remaining_time_s
 from twingap import TwingapError
 from twingap.data import NotAtHandError, data_root, load
 from twingap.prognosis import OnlineLife, Outcome, Prior, prior_from
 from twingap.prognosis.past_errors import PastIntervals
-from twingap.provenance import digest_of_path, digest_of_value
+from twingap.provenance import digest_of_path
 from twingap.signal.features import time_features
 
 if TYPE_CHECKING:
     from papers.framework import Inputs, Work
 
 
-FEWEST: Final = 3
-"""Runs: what one is predicted with comes from two others at least."""
+FEWEST: Final = 3  # runs: what one is predicted with comes from two others at least
 POOLED, ALONE = "twingap rul --prior", "twingap rul"
 RIVALS: Final = ("exponential", "particle filter", "random forest")
 METHODS: Final = (POOLED, ALONE, *RIVALS)
@@ -78,11 +77,6 @@ class Measured:
     speed_rpm: Array  # [rows]
     load_n: float | None = None
 
-    @property
-    def remaining_s(self) -> Array:
-        """Time to the last snapshot [rows]: there the owner ended the run."""
-        return np.asarray(self.time_s[-1] - self.time_s)
-
 
 def take_features(job: Features, *, root: str | Path | None) -> dict[str, Any]:
     """Features of every snapshot of a run, one snapshot in memory at a time."""
@@ -117,11 +111,8 @@ def outcome(name: str, run: Measured, alone: dict[str, Any] | None = None) -> Ou
 
 
 def predict(job: Prediction, *, runs: dict[str, Measured]) -> dict[str, Any]:
-    """Remaining time at every snapshot of a run, without its own end.
-
-    `alarm` and `onset` (rows; None without), `passed` (anomalies taken back), `predicted`, `low` and `high` in s
-    [rows].
-    """
+    """Remaining time at every snapshot of a run, without its own end: rows of `alarm` and `onset` (None without),
+    anomalies taken back (`passed`), `predicted`, `low` and `high` in s [rows]."""
     run = runs[job.bearing]
     others = {name: other for name, other in runs.items() if name != job.bearing}
     prior = prior_from([outcome(name, other) for name, other in others.items()], run.load_n)
@@ -133,12 +124,12 @@ def predict(job: Prediction, *, runs: dict[str, Measured]) -> dict[str, Any]:
         # Lower ends as growth gives them, also for a run without a healthy start, where `twingap rul` leaves them open.
         estimates = [life.update(float(t), float(s), float(p)).closed().time_s() for t, s, p in rows]
         predicted, low, high = np.array(estimates).T
-    elif job.method == "random forest":
-        train = [(_inputs(other), revolutions(other)[-1] - revolutions(other)) for other in others.values()]
-        told = rivals.random_forest(train, _inputs(run), job.seed)
-        predicted, low, high = (remaining_time_s(v, run.speed_rpm) for v in told)
     else:
-        told = _by_growth(job, run, alone, prior)
+        if job.method == "random forest":
+            train = [(_inputs(other), revolutions(other)[-1] - revolutions(other)) for other in others.values()]
+            told = rivals.random_forest(train, _inputs(run), job.seed)
+        else:
+            told = _by_growth(job, run, alone, prior)
         predicted, low, high = (remaining_time_s(v, run.speed_rpm) for v in told)
     return {
         "alarm": alone.alarm_row, "onset": alone.onset_row, "passed": passed, "predicted": predicted, "low": low,
@@ -203,15 +194,6 @@ def files(work: Work) -> Inputs:
     return {"root": (work.root, digest_of_path(data_root(work.root) / "femto"))}
 
 
-def measured(work: Work) -> dict[str, Measured]:
-    return {r.job.bearing: measured_of(r.value) for r in work["features"]}
-
-
-def measured_of(value: dict[str, Any]) -> Measured:
-    features, time_s, speed_rpm = (np.asarray(value[k], float) for k in ("features", "time_s", "speed_rpm"))
-    return Measured(features, time_s, speed_rpm, value["load_n"])
-
-
 def predictions(work: Work) -> Iterator[Prediction]:
     """Every run by every method, those that draw lots with several seeds."""
     for name in work["runs"]:
@@ -219,8 +201,3 @@ def predictions(work: Work) -> Iterator[Prediction]:
             drawn = method in ("particle filter", "random forest")
             for seed in range(work.seed, work.seed + (work.size.seeds if drawn else 1)):
                 yield Prediction(name, method, seed)
-
-
-def of_features(work: Work) -> Inputs:
-    """All runs, since each is predicted from the others."""
-    return {"runs": (work["runs"], digest_of_value([r.key for r in work["features"]]))}

@@ -1,13 +1,8 @@
 """Usual estimators of remaining life for comparison: each causal, with the same input as the online estimator.
 
-rows since the onset: revolutions, log amplitude --exponential fit, particle filter--> remaining revolutions
-features of every row, runs that ended ----------random forest----------------------> remaining revolutions
-
 They share the health indicator, the alarm and the end level with `online`, so that what differs is the prediction
 alone; and what other runs say (a usual life after the onset) where their own model has no answer.
 """
-
-from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -33,11 +28,9 @@ class Growth:
 
 
 def exponential_extrapolation(growth: Growth) -> Array:
-    """Least squares of log amplitude over all rows since the onset (eq. 12 with a free level), carried on to the end.
-
-    Remaining revolutions [rows]; NaN before the alarm. Where no growth was fitted, or its end lies beyond ten usual
-    lives, what is left of the usual life.
-    """
+    """Least squares of log amplitude since the onset (eq. 12 with a free level), carried on to the end: remaining
+    revolutions [rows]; NaN before the alarm. What is left of the usual life where no growth was fitted or its end lies
+    beyond ten usual lives."""
     found = np.full(growth.revolutions.size, np.nan)
     for row in range(growth.first, growth.revolutions.size):
         u = growth.revolutions[: row + 1]
@@ -55,13 +48,10 @@ def exponential_extrapolation(growth: Growth) -> Array:
 
 
 def particle_filter(growth: Growth, rng: np.random.Generator, particles: int = 1000) -> tuple[Array, Array, Array]:
-    """Bootstrap filter of (log amplitude, log rate) under eq. 12 whose rate wanders (Gordon, Salmond, Smith 1993, DOI
-    10.1049/ip-f-2.1993.0015).
-
-    Median, low and high end of the 90 % interval of remaining revolutions [rows]; NaN before the alarm. A median beyond
-    ten usual lives gives way to what is left of the usual life. The rate begins log-normally about that which lasts a
-    usual life, a factor of e either way, and wanders by a tenth a row; it does not wander in the future.
-    """
+    """Bootstrap filter of (log amplitude, log rate) under eq. 12 (Gordon, Salmond, Smith 1993, DOI
+    10.1049/ip-f-2.1993.0015): median, low and high end of the 90 % interval of remaining revolutions [rows]; NaN before
+    the alarm. The rate begins about that of a usual life and wanders by a tenth a row, but not in the future; a median
+    beyond ten usual lives gives way to what is left of the usual life."""
     u, x = growth.revolutions, growth.log_amplitude
     out = np.full((3, u.size), np.nan)
     level = x[0] + growth.scatter * rng.normal(size=particles)
@@ -86,12 +76,8 @@ def particle_filter(growth: Growth, rng: np.random.Generator, particles: int = 1
 
 
 def causal_features(columns: ArrayLike, revolutions: ArrayLike, healthy_rows: int = 60) -> Array:
-    """Features [rows, 4 features + 1] for a regression, each from the rows up to it.
-
-    Of positive `columns` [rows, features] the logarithm over that of the median of the healthy rows (during those, of
-    the rows so far); its mean over the last 5 and 30 rows; its greatest such mean so far; and revolutions since the
-    first row.
-    """
+    """Features [rows, 4 features + 1] from the rows up to each: logarithm of positive `columns` over the median of the
+    healthy rows so far, its means over 5 and 30 rows, the greatest such mean so far; revolutions."""
     x = np.log(np.maximum(np.asarray(columns, float), 1e-12))
     u = np.asarray(revolutions, float)
     base = np.array([np.nanmedian(x[: min(row + 1, healthy_rows)], axis=0) for row in range(min(len(x), healthy_rows))])
@@ -106,19 +92,9 @@ def causal_features(columns: ArrayLike, revolutions: ArrayLike, healthy_rows: in
 def random_forest(
     train: Sequence[tuple[Array, Array]], features: Array, seed: int, trees: int = 200
 ) -> tuple[Array, Array, Array]:
-    """Regression forest on runs that ended (Breiman 2001, DOI 10.1023/A:1010933404324).
-
-    Parameters
-    ----------
-    train : sequence of (Array [rows, features], Array [rows])
-        Features and remaining revolutions of other runs; every run weighs the same.
-    features : Array [rows, features]
-
-    Returns
-    -------
-    mean, low, high : Array [rows]
-        Mean over trees, and 5 % and 95 % of the single trees' answers.
-    """
+    """Regression forest (Breiman 2001, DOI 10.1023/A:1010933404324) on features [rows, features] and remaining
+    revolutions [rows] of runs that ended, each of the same weight: mean over trees, 5 % and 95 % of single trees
+    [rows]."""
     from sklearn.ensemble import RandomForestRegressor
 
     x, y = (np.concatenate([run[place] for run in train]) for place in (0, 1))

@@ -1,14 +1,14 @@
 """Study of FEMTO's runs, and its tables: errors by method and bearing, and who is at least as good where."""
 
-from __future__ import annotations
-
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Iterator, Sequence
+from typing import Any, Final
 
 import numpy as np
 import pandas as pd
+from matplotlib.figure import Figure
 
-from papers.extra.femto import figures, jobs
+from papers.extra.femto import jobs
+from papers.figures import rule, subplots
 from papers.framework import Rows, Step, Study, Work, as_table
 from papers.paper1_rul_varying_speed.methods import metrics
 from twingap.prognosis.outcomes import prior_from
@@ -16,11 +16,8 @@ from twingap.prognosis.prior import LEARNT
 
 
 def pooled(bearing: str, runs: dict[str, jobs.Measured], alone: dict[str, dict[str, Any]]) -> dict[str, Any]:
-    """`predict` by growth alone of a bearing, pooled with what other runs say.
-
-    Weight and width of intervals are those that the other bearings choose among themselves: neither this one's life nor
-    its predictions enter them.
-    """
+    """`predict` by growth alone of a bearing, pooled with what other runs say; weight and width of intervals are those
+    that the other bearings choose among themselves."""
     run, found = runs[bearing], alone[bearing]
     others = [jobs.outcome(name, other, alone[name]) for name, other in runs.items() if name != bearing]
     prior = prior_from(others, run.load_n)
@@ -42,7 +39,8 @@ def pooled(bearing: str, runs: dict[str, jobs.Measured], alone: dict[str, dict[s
 
 def judge(run: jobs.Measured, found: dict[str, Any]) -> dict[str, float]:
     """All metrics of one prediction: after the alarm, and at the challenge's cuts."""
-    true, predicted = run.remaining_s, np.asarray(found["predicted"], float)
+    # The owner ended the run at the last snapshot.
+    true, predicted = run.time_s[-1] - run.time_s, np.asarray(found["predicted"], float)
     low, high = np.asarray(found["low"], float), np.asarray(found["high"], float)
     after = slice(found["alarm"], true.size - 1) if found["alarm"] is not None else slice(0, 0)
     t, p = true[after], predicted[after]
@@ -79,11 +77,8 @@ def table(runs: dict[str, jobs.Measured], results: Sequence[tuple[jobs.Predictio
 
 @as_table
 def wins(every: pd.DataFrame) -> Rows:
-    """Bearings on which the estimator is at least as good as rivals, per metric.
-
-    Against the best rival of each bearing, a yardstick that knows the end; against the one that is best on average,
-    which a reader would take instead; and against each rival throughout.
-    """
+    """Bearings on which the estimator is at least as good as rivals, per metric: as the best of each bearing
+    (hindsight), as the one that is best on average, and as each rival throughout."""
     higher = (
         "relative_accuracy", "alpha_lambda_half", "within_20", "horizon_s", "phm2012_after_alarm", "phm2012_at_cuts",
     )  # fmt: skip
@@ -114,6 +109,38 @@ def all_tables(work: Work) -> dict[str, pd.DataFrame]:
     return {"femto": every, "femto_wins": wins(every)}
 
 
+STYLES: Final = {
+    "twingap rul --prior": ("#0072B2", "o"),
+    "twingap rul": ("#56B4E9", "s"),
+    "exponential": ("#E69F00", "^"),
+    "particle filter": ("#CC79A7", "D"),
+    "random forest": ("#009E73", "v"),
+}
+"""Method -> colour and marker, which tells them apart without colours."""
+
+
+def all_figures(work: Work) -> Iterator[tuple[str, Figure]]:
+    yield "femto", errors(work.tables["femto"])
+
+
+def errors(every: pd.DataFrame) -> Figure:
+    """RMSE after the alarm of each method on each bearing."""
+    figure, axes = subplots((9.5, 4.4))
+    bearings = list(dict.fromkeys(every["bearing"]))
+    for place, (method, (colour, marker)) in enumerate(STYLES.items()):
+        own = every[every["method"] == method].set_index("bearing")["rmse_s"].reindex(bearings)
+        x = [i + 0.13 * (place - 2) for i in range(len(bearings))]
+        axes.plot(x, own / 60, marker, color=colour, markersize=8, label=method)
+    axes.set_yscale("log")
+    axes.yaxis.set_major_formatter("{x:g}")
+    axes.set_xticks(range(len(bearings)), bearings)
+    axes.set_ylabel("RMSE of remaining time\nafter the alarm (min)")
+    axes.set_title("FEMTO learning bearings (runs used in development)")
+    rule(axes, "y")
+    figure.legend(loc="outside lower center", ncols=5)
+    return figure
+
+
 STUDY = Study(
     name="femto",
     title="remaining life of the FEMTO learning bearings",
@@ -122,11 +149,11 @@ STUDY = Study(
     at_hand=jobs.at_hand,
     steps=(
         Step("features", jobs.take_features, jobs.bearings, jobs.files),
-        Step("runs", jobs.measured),
-        Step("predictions", jobs.predict, jobs.predictions, jobs.of_features),
+        Step("runs", lambda work: {r.job.bearing: jobs.Measured(**r.value) for r in work["features"]}),
+        Step("predictions", jobs.predict, jobs.predictions, lambda work: {"runs": work.keyed("runs", "features")}),
     ),
     tables=all_tables,
-    figures=figures.all_figures,
+    figures=all_figures,
     letters=(12, 10),
     headlines=("femto", "femto_wins"),
 )

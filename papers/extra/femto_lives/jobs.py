@@ -23,11 +23,11 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from papers.extra.life_gap import jobs as life_gap
 from papers.extra.life_gap.diagnoses import SEEN, Asked, modelled, pair_of, row_of
 from papers.extra.life_gap.jobs import MODELS, added, lives_config, root_of
 from papers.paper1_rul_varying_speed.cases import Case, adapted, case_of
 from papers.paper1_rul_varying_speed.job import Added, Job, job_of, train_and_judge
+from papers.paper1_rul_varying_speed.lives import options as lives_options
 from papers.paper1_rul_varying_speed.lives.options import Options as Lives
 from papers.paper1_rul_varying_speed.lives.options import read_options
 from papers.paper1_rul_varying_speed.methods.architecture import architecture_of
@@ -42,18 +42,15 @@ if TYPE_CHECKING:
     from twingap.sweep import Result
 
 FAULT: Final = "inner"
-REFERENCE_MIN: Final = 10.0
-"""Healthy beginning: 60 snapshots, as many as `twingap rul` takes."""
-END_RATIO: Final = 10.0
-"""Peak to peak at the end of life over the healthy one."""
+REFERENCE_MIN: Final = 10.0  # healthy beginning: 60 snapshots, as many as `twingap rul` takes
+END_RATIO: Final = 10.0  # peak to peak at the end of life over the healthy one
 STRIDES: Final = (2, 2)
 """Of the convolutions: 2,560 samples leave 128 features, near the 112 that the paper's 25,000 leave."""
-PRINTED, CLOSED = "printed", "closed"
-"""Variants of the configuration."""
+PRINTED, CLOSED = "printed", "closed"  # variants of the configuration
 
 
 @dataclass(frozen=True)
-class Size(life_gap.Size):
+class Size(lives_options.Size):
     waits_min: tuple[float, ...]
 
 

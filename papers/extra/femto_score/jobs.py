@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
@@ -35,8 +35,7 @@ from twingap.signal.envelope import envelope
 if TYPE_CHECKING:
     from papers.framework import Inputs, Work
 
-_TRIED: Final = np.linspace(0.02, 1.0, 99)
-"""Shares of the life so far that are tried."""
+_TRIED: Final = np.linspace(0.02, 1.0, 99)  # shares of the life so far that are tried
 
 
 def best_point(lives: Array) -> float:
@@ -63,19 +62,14 @@ def within(lives: Array, lived: float, band: tuple[float, float]) -> Array:
 SHARES: Final = tuple(float(v) for v in (np.arange(40) + 0.5) / 40)
 """Quantiles by which a prediction's law is kept."""
 INDICATORS: Final = ("peak to peak", "rms", "envelope", "strongest band", "spectral distance")
-OURS, CHOSEN, LIVES, UNLOADED = (
+METHODS: Final = (
     "twingap rul --prior", "twingap rul, indicator chosen", "lives of other runs", "lives, loads ignored",
-)  # fmt: skip
-CONSTANT, SHARE, EXPONENTIAL, FILTER, FOREST, SURVIVAL, COX = (
     "constant life", "constant share of the life so far", "exponential", "particle filter", "random forest",
     "survival forest", "Cox",
 )  # fmt: skip
-METHODS: Final = (
-    OURS, CHOSEN, LIVES, UNLOADED, CONSTANT, SHARE, EXPONENTIAL, FILTER, FOREST, SURVIVAL, COX,
-)  # fmt: skip
+OURS, CHOSEN, LIVES, UNLOADED, CONSTANT, SHARE, EXPONENTIAL, FILTER, FOREST, SURVIVAL, COX = METHODS
 DRAWN: Final = (FILTER, FOREST, SURVIVAL)
-TRAINED_AT: Final = 36
-"""Cuts of each other run by which rivals are trained."""
+TRAINED_AT: Final = 36  # cuts of each other run by which rivals are trained
 _HEALTHY: Final = 60
 _BANDS: Final = 64
 
@@ -146,11 +140,9 @@ class Run:
 
 
 def measure(job: Features, *, root: str | Path | None) -> dict[str, Any]:
-    """Five indicators of every snapshot of a run, all positive and proportional to amplitude but for the distance.
-
-    Spectral distance is the exponential of the root mean square, over 64 bands, of log amplitude relative to the first
-    rows; the strongest band is the largest of these ratios over eight bands.
-    """
+    """Five positive indicators of every snapshot of a run. Spectral distance is the exponential of the root mean
+    square, over 64 bands, of log amplitude relative to the first rows; the strongest band is the largest of these
+    ratios over eight bands."""
     records = load("femto", root).select(lambda c: c.group == job.bearing)
     rows, levels = [], []
     for record in records:
@@ -172,11 +164,9 @@ def measure(job: Features, *, root: str | Path | None) -> dict[str, Any]:
 
 
 def follow(job: Growth, *, runs: dict[str, Run]) -> dict[str, Any]:
-    """A run by growth alone, at its cuts and at evenly spaced rows, in revolutions.
-
-    `at`: for each cut, None without an anomaly, else (since the onset, per row, 5 %, 50 %, 95 %); `along`: rows (lived,
-    since the onset, 5 %, 50 %, 95 %); `alarm`, `onset` (rows or None) and `after` the onset.
-    """
+    """A run by growth alone, in revolutions: `at` each cut (since the onset, per row, 5 %, 50 %, 95 %) or None without
+    an anomaly; `along` the run rows (lived, since the onset, 5 %, 50 %, 95 %); rows of alarm and onset; life after
+    it."""
     run = runs[job.bearing]
     at, along = {}, []
     every = max(len(run.indicators) // 60, 1)
@@ -224,10 +214,8 @@ def predict(
     job: Prediction, *, runs: dict[str, Run], cuts: dict[str, list[int]], grown: dict[tuple[str, str], dict[str, Any]],
     band: tuple[float, float],
 ) -> dict[str, Any]:  # fmt: skip
-    """Remaining revolutions of a run at its cuts, from the other runs.
-
-    `point` [cuts] and `quantiles` [cuts, SHARES], which are all equal where a method gives no law; `indicator`.
-    """
+    """Remaining revolutions of a run at its cuts, from the other runs: `point` [cuts], `quantiles` [cuts, SHARES] (all
+    equal where a method gives no law) and `indicator`."""
     run, own = runs[job.bearing], cuts[job.bearing]
     others = {name: other for name, other in runs.items() if name != job.bearing}
     lived = np.array(own) * run.life / run.last
@@ -238,11 +226,10 @@ def predict(
             indicator = choose(others, cuts, grown)
         law = joined(run, own, grown[job.bearing, indicator], prior_of(run, others, grown, indicator))
     elif job.method in (LIVES, UNLOADED, CONSTANT):
-        exponent = LOAD_EXPONENT if job.method == LIVES else 0.0
-        lives = [other.life * (other.load_n / run.load_n) ** exponent for other in others.values()]
-        law = np.array([(log_normal if job.method == CONSTANT else law_of)(lives).remaining(u, SHARES) for u in lived])
+        of_lives = law_by(job.method, [(other.life, other.load_n) for other in others.values()], run.load_n)
+        law = np.array([of_lives.remaining(u, SHARES) for u in lived])
         if job.method == CONSTANT:
-            point = np.maximum(np.exp(np.mean(np.log(lives))) - lived, 0.0)
+            point = np.maximum(np.exp(np.mean([np.log(other.life) for other in others.values()])) - lived, 0.0)
     elif job.method == SHARE:
         point = lived * best_share([(1 - at) / at for at in np.linspace(*band, TRAINED_AT)])
     elif job.method in (EXPONENTIAL, FILTER):
@@ -253,6 +240,14 @@ def predict(
         assert point is not None
         law = np.repeat(point[:, None], len(SHARES), axis=1)
     return {"point": np.median(law, axis=1) if point is None else point, "quantiles": law, "indicator": indicator}
+
+
+def law_by(method: str, ended: Iterable[tuple[float, float]], load_n: float) -> Any:
+    """Law of life by a method that needs no vibration, from lives and loads of runs that ended."""
+    exponent = LOAD_EXPONENT if method == LIVES else 0.0
+    return (log_normal if method == CONSTANT else law_of)(
+        [life * (own_n / load_n) ** exponent for life, own_n in ended]
+    )
 
 
 def prior_of(run: Run, others: dict[str, Run], grown: dict[tuple[str, str], dict[str, Any]], indicator: str) -> Prior:
@@ -382,10 +377,6 @@ def growths(work: Work) -> Iterator[Growth]:
         yield Growth(name, indicator, tuple(work["cuts"][name]))
 
 
-def grown(work: Work) -> dict[tuple[str, str], dict[str, Any]]:
-    return {(r.job.bearing, r.job.indicator): r.value for r in work["follow"]}
-
-
 def predictions(work: Work) -> Iterator[Prediction]:
     """Every run by every method, those that draw lots with several seeds."""
     for name, method in itertools.product(work["runs"], METHODS):
@@ -393,14 +384,8 @@ def predictions(work: Work) -> Iterator[Prediction]:
             yield Prediction(name, method, seed)
 
 
-def of_runs(work: Work) -> Inputs:
-    return {"runs": (work["runs"], digest_of_value([r.key for r in work["measure"]]))}
-
-
 def of_growth(work: Work) -> Inputs:
     """All runs, their cuts and their growth."""
-    return {
-        **of_runs(work), "cuts": (work["cuts"], digest_of_value(work["cuts"])),
-        "grown": (work["grown"], digest_of_value([r.key for r in work["follow"]])),
-        "band": (work.options.band, digest_of_value(work.options.band)),
-    }  # fmt: skip
+    plain = {"cuts": work["cuts"], "band": work.options.band}
+    made = {"runs": work.keyed("runs", "measure"), "grown": work.keyed("grown", "follow")}
+    return made | {name: (value, digest_of_value(value)) for name, value in plain.items()}

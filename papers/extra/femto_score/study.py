@@ -1,7 +1,5 @@
 """Study of the challenge's score: by method and bearing, means, bounds, indicators, and its own test bearings."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np
@@ -11,7 +9,6 @@ from papers.extra.femto.jobs import at_hand, files
 from papers.extra.femto_score import jobs
 from papers.framework import Rows, Step, Study, Work, as_table
 from papers.paper1_rul_varying_speed.methods.metrics import phm2012_accuracy
-from twingap.prognosis.life_law import law_of, log_normal
 from twingap.prognosis.outcomes import LOAD_EXPONENT
 
 SCORES = ("score", "score_best_point", "score_band_known")
@@ -119,11 +116,8 @@ def indicators(work: Work) -> Rows:
 
 
 def lives(work: Work) -> pd.DataFrame:
-    """Score of methods that need no vibration on all bearings of which the life is published.
-
-    Protocols: the challenge's (its eleven test bearings at its own cuts, from the learning bearings), and each of the
-    seventeen from the sixteen others at twelve cuts in the band.
-    """
+    """Score of methods that need no vibration on all bearings of published life: by the protocol of the challenge, and
+    of each of the seventeen from the sixteen others at twelve cuts in the band."""
     band, known = work.options.band, {}
     for name, (_, end) in work.options.test.items():
         rpm, load_n = CONDITIONS[name[len("Bearing")]]
@@ -138,9 +132,7 @@ def lives(work: Work) -> pd.DataFrame:
     for protocol, name, cuts, others in asked:
         life, load_n = every[name]
         for method in (jobs.LIVES, jobs.UNLOADED, jobs.CONSTANT, jobs.SHARE):
-            exponent = LOAD_EXPONENT if method == jobs.LIVES else 0.0
-            ended = [other * (own_n / load_n) ** exponent for other, own_n in others.values()]
-            law = (log_normal if method == jobs.CONSTANT else law_of)(ended)
+            law = jobs.law_by(method, others.values(), load_n)
             for cut in cuts:
                 lived, left = cut * life, (1 - cut) * life
                 values = np.array(law.remaining(lived, jobs.SHARES))
@@ -174,8 +166,8 @@ STUDY = Study(
         Step("measure", jobs.measure, jobs.bearings, files),
         Step("runs", jobs.measured),
         Step("cuts", jobs.cuts_of),
-        Step("follow", jobs.follow, jobs.growths, jobs.of_runs),
-        Step("grown", jobs.grown),
+        Step("follow", jobs.follow, jobs.growths, lambda work: {"runs": work.keyed("runs", "measure")}),
+        Step("grown", lambda work: {(r.job.bearing, r.job.indicator): r.value for r in work["follow"]}),
         Step("predict", jobs.predict, jobs.predictions, jobs.of_growth),
     ),
     tables=all_tables,

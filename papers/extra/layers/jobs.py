@@ -24,7 +24,8 @@ from papers.arrays import Array
 from papers.options import expect
 from papers.paper3_zoa_dann.comparison.jobs import Cell, kept_modes, prepared
 from papers.paper3_zoa_dann.comparison.jobs import read_options as read_comparison
-from papers.paper3_zoa_dann.comparison.task_files import Material, load_recordings, read_task, windows_to_adapt_to
+from papers.paper3_zoa_dann.comparison.task_files import Material, windows_to_adapt_to
+from papers.paper3_zoa_dann.inputs.options import Size
 from papers.paper3_zoa_dann.inputs.options import read_options as read_common
 from papers.paper3_zoa_dann.source import Recipe, simulate
 from twingap.adapt import METHODS, Fitted, ModeInputs, Training, Windows, fit
@@ -41,20 +42,13 @@ BATCH: Final = 128
 
 
 @dataclass(frozen=True)
-class Size:
-    tasks: tuple[str, ...]
-    seeds: int
-    steps: int
-    bearings_per_class: int
-    records_per_bearing: int
-    evaluations: int
-    rig_duration_s: float
-
-
-@dataclass(frozen=True)
 class Options:
     methods: tuple[str, ...]
     profiles: dict[str, Size]
+
+    def __post_init__(self) -> None:
+        for name in self.methods:
+            expect(name, [own for own in METHODS if METHODS[own].architecture is not None], "methods")
 
 
 @dataclass(frozen=True)
@@ -71,28 +65,18 @@ class Trial:
     recipe: Recipe
 
 
-def check(options: Options, path: Path) -> None:
-    """Refuse methods that there are none of, or that have no network."""
-    for name in options.methods:
-        expect(name, [own for own in METHODS if METHODS[own].architecture is not None], f"{path}: methods")
-
-
 def results(work: Work) -> list[tuple[str, Result[Trial]]]:
     """Every trial, with the title of its data; all bearings adapted to, balanced data."""
     comparison, common, size = read_comparison(), read_common(), work.size
     training = dataclasses.replace(comparison.training, steps=size.steps)
     seeds = tuple(range(work.seed, work.seed + size.seeds))
     found: list[tuple[str, Result[Trial]]] = []
-    for name in size.tasks:
-        task = read_task(name)
-        if (target := load_recordings(task, work.root, common.target, size.rig_duration_s)) is None:
-            work.missing = (*work.missing, name)
-            continue
+    for task, target in work["tasks"]:
         unseen = None if task.same_bearings else task.unseen(work.seed)
-        for ready in prepared(work, task, target, common, size, [Cell("balanced", unseen, seeds, ())]):
+        for ready in prepared(work, task, target, [Cell("balanced", unseen, seeds, ())]):
             labelled = windows_to_adapt_to(task, target.records, "balanced", unseen)
             jobs = [
-                Trial(name, method, seed, training, comparison.inputs, common.judging.held_out,
+                Trial(task.name, method, seed, training, comparison.inputs, common.judging.held_out,
                       common.judging.criterion, ready.recipe)
                 for seed in seeds for method in work.options.methods
             ]  # fmt: skip
@@ -100,16 +84,12 @@ def results(work: Work) -> list[tuple[str, Result[Trial]]]:
                 inputs = ready.inputs | {"labelled": (labelled, None), "modes": (modes, None)}
                 made = work.sweep(probe, jobs, inputs, lambda job: f"{job.task}, {job.method}, seed {job.seed}")
             found += [(target.title, own) for own in made]
-    work.title = ", ".join(dict.fromkeys(title for title, _ in found))
     return found
 
 
 def probe(job: Trial, material: Material, labelled: Windows, modes: Path | None = None) -> dict[str, Any]:
-    """Train, and see what each layer and each checkpoint make of the judged windows.
-
-    ``checkpoints``, a list, and ``layers``, by name: "simulated" and "true labels" of each, shares of the judged
-    windows called right by class; ``chosen``, the place of the checkpoint chosen without labels.
-    """
+    """Train, and probe each layer and checkpoint: shares of the judged windows called right by class, of layers by who
+    taught the probe; ``chosen`` is the place of the checkpoint chosen without labels."""
     source, truth = simulate(job.recipe), material.evaluate.labels
     assert source.labels is not None and labelled.labels is not None and truth is not None
     inputs = dataclasses.replace(job.inputs, cache=modes)

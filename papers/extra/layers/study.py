@@ -7,6 +7,7 @@ import pandas as pd
 
 from papers.extra.layers import jobs
 from papers.framework import Step, Study, Work
+from papers.paper3_zoa_dann.comparison.jobs import load_tasks
 
 
 def tables(work: Work) -> dict[str, pd.DataFrame]:
@@ -32,8 +33,7 @@ STUDY = Study(
     name="layers",
     title="what the layers keep of the classes",
     options=jobs.Options,
-    check=jobs.check,
-    steps=(Step("results", jobs.results),),
+    steps=(Step("tasks", load_tasks), Step("results", jobs.results)),
     tables=tables,
     headlines=("layers", "layers-checkpoints"),
 )

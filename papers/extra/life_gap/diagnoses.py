@@ -1,10 +1,4 @@
-"""One diagnosis of the life-gap study: records of a stage and speed, the twin's beside them, the verdict as a row.
-
-case (rig) ----stage, speed--> records + the twin's at their speeds and peaks to peak --+--> `twingap.gap` --> row
-snapshots (FEMTO) --before or after the alarm--> records -------------------------------+
-"""
-
-from __future__ import annotations
+"""One diagnosis of the life-gap study: records of a stage and speed, the twin's beside them, the verdict as a row."""
 
 import contextlib
 import dataclasses
@@ -16,6 +10,7 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from papers.extra.femto import jobs as femto
 from papers.paper1_rul_varying_speed.cases import Case, Target, load_target, read_case
@@ -31,10 +26,8 @@ STAGES: Final = (HEALTHY, SEEN, LATER)
 BEFORE_ALARM, AFTER_ALARM = "before the alarm", "after the alarm"
 SPEEDS: Final = {"slow": (0.0, 1300.0), "middle": (1300.0, 1700.0), "fast": (1700.0, np.inf)}
 """Of the rig, which steps from 1000 to 2000 rpm: rpm from, to."""
-RECORDS: Final = 24
-"""Of one diagnosis."""
-COPIES: Final = 3
-"""Simulated records for each measured one."""
+RECORDS: Final = 24  # of one diagnosis
+COPIES: Final = 3  # simulated records for each measured one
 VARIANT: Final = "printed"
 
 
@@ -65,11 +58,8 @@ def stage_of(case: Case, stage: str) -> Snapshots:
 
 
 def pair_of(asked: Asked, cases: Sequence[Case], model: SignalModel) -> tuple[RecordSet, RecordSet]:
-    """Measured records of a stage of these bearings, and the twin's at their speeds and peaks to peak.
-
-    Groups are bearings; of one bearing alone, each record is a group of its own. Raises `TwingapError` when fewer than
-    two records are of this stage and speed.
-    """
+    """Measured records of a stage of these bearings, and the twin's at their speeds and peaks to peak; groups are
+    bearings, or records where there is one bearing. Raises `TwingapError` for fewer than two records."""
     rng = asked.rng
     real: list[Record] = []
     made: list[Record] = []
@@ -112,7 +102,7 @@ def as_records(
         yield Record(Condition(name, float(speed), fs_hz, row.size, fault, group=group), np.asarray(row, float))
 
 
-def spread(count: int, wanted: int) -> np.ndarray[Any, np.dtype[np.int64]]:
+def spread(count: int, wanted: int) -> NDArray[np.int64]:
     """At most so many places of `count`, evenly."""
     return np.unique(np.linspace(0, count - 1, min(count, wanted)).round().astype(np.int64))
 
@@ -183,7 +173,7 @@ def femto_records(asked: Asked, root: str | None) -> RecordSet:
     places: list[int] = []
     for bearing in asked.bearings:
         own = [i for i, c in enumerate(every.conditions) if c.group == bearing]
-        run = femto.measured_of(femto.take_features(femto.Features(bearing), root=root))
+        run = femto.Measured(**femto.take_features(femto.Features(bearing), root=root))
         alarm = femto.followed(run, OnlineLife()).alarm_row or len(own) - 1
         begin, end = (0, alarm) if asked.stage == BEFORE_ALARM else (alarm, len(own))
         places += [own[begin + int(k)] for k in spread(end - begin, RECORDS // len(asked.bearings))]

@@ -22,7 +22,7 @@ from papers.extra.life_gap.diagnoses import AFTER_ALARM, BEFORE_ALARM, SEEN, SPE
 from papers.paper1_rul_varying_speed.cases import Case, read_case
 from papers.paper1_rul_varying_speed.job import Added, Job, job_of, train_and_judge
 from papers.paper1_rul_varying_speed.lives.options import Options as Lives
-from papers.paper1_rul_varying_speed.lives.options import read_options
+from papers.paper1_rul_varying_speed.lives.options import Size, read_options
 from papers.paper1_rul_varying_speed.methods.architecture import architecture_of
 from twingap.data import NotAtHandError, data_root, load
 from twingap.gap.knowledge import shipped_digest
@@ -33,14 +33,6 @@ if TYPE_CHECKING:
     from twingap.sweep import Result
 
 MODELS: Final = ("CNN", "Proposed model 3")
-
-
-@dataclass(frozen=True)
-class Size:
-    bearings: tuple[str, ...]
-    seeds: int
-    steps: int
-    most_records: int
 
 
 @dataclass(frozen=True)

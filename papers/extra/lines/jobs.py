@@ -31,8 +31,7 @@ if TYPE_CHECKING:
 RIG: Final = "virtual_cwru"
 FAULTS: Final = ("inner", "outer", "ball")
 HEALTHY: Final = "healthy"
-ONLY: Final = "one"
-"""Name of the sensor where there is one alone."""
+ONLY: Final = "one"  # name of the sensor where there is one alone
 
 
 @dataclass(frozen=True)
@@ -54,16 +53,8 @@ class Options:
 
 
 def prominences(x: Array, fs_hz: float, turn_hz: float, bearing: Bearing, options: Options) -> Array:
-    """How far the line of each fault stands out in the squared-envelope spectrum of each band [bands, faults].
-
-    Over the spectrum's median around it; geometric mean over harmonics.
-
-    Parameters
-    ----------
-    x : Array [samples]
-    fs_hz, turn_hz : float
-        Sampling rate and rate of the shaft, Hz.
-    """
+    """How far the line of each fault stands out of the squared-envelope spectrum of each band of x [samples]: line over
+    local median, geometric mean over harmonics [bands, faults]."""
     rows = []
     for low, high in options.bands:
         hz, values = squared_envelope_spectrum(x, fs_hz, (low * fs_hz, high * fs_hz), window="hann")
@@ -77,10 +68,8 @@ def prominences(x: Array, fs_hz: float, turn_hz: float, bearing: Bearing, option
 
 
 def read(records: RecordSet, sensor: str, options: Options) -> pd.DataFrame:
-    """A row for each recording of a sensor, healthy ones too, that is long enough.
-
-    Columns ``inner``, ``outer``, ``ball``: prominence in the band where it is highest.
-    """
+    """A row for each recording of a sensor that is long enough, healthy ones too; columns of faults: prominence in the
+    band where it is highest."""
     if records.bearing is None:
         raise TwingapError(f"{records.name} names no bearing, and so no order of a fault")
     rows = []

@@ -1,7 +1,5 @@
 """Study of fault lines, and its tables: by data set, sensor and class, and by recording."""
 
-from __future__ import annotations
-
 from typing import Final
 
 import numpy as np
@@ -16,14 +14,10 @@ ANY: Final = "at least one"
 
 @as_table
 def told(rows: pd.DataFrame) -> Rows:
-    """By data set, sensor and class, from the rows of all recordings: how far the own line stands out, and out of what.
-
-    ``healthy, highest`` and ``without the fault, highest`` are prominences of the class's line in recordings that lack
-    the fault, at the same sensor; ``above one without it`` is the share of pairs of a recording with the fault and one
-    without in which the former's line stands higher (luck: 0.5). What has no healthy recording is NaN. The sensor "at
-    least one" counts recordings of which a statement holds at one sensor or more, each sensor judged by its own
-    references (one without healthy recordings adds nothing to ``above healthy``); it stands where there are several.
-    """
+    """By data set, sensor and class: how far the own line stands out, and out of what. ``.., highest`` are prominences
+    of that line in recordings without the fault, at the same sensor; ``above one without it`` is the share of pairs
+    (with, without) in which the former is higher (luck: 0.5). The sensor "at least one" counts recordings of which a
+    statement holds at one of several sensors, each judged by its own references."""
     parts = []
     for (data, sensor, fault), own in rows[rows["class"] != jobs.HEALTHY].groupby(
         ["data", "sensor", "class"], sort=False

@@ -65,6 +65,11 @@ class Scenario:
     overlap: float
     published: tuple[int, ...]
 
+    def __post_init__(self) -> None:
+        expect(self.data, TITLES, "data")
+        if self.window < 2 or not 0 <= self.overlap < 1 or len(self.published) != 2:
+            raise TwingapError("window > 1, 0 <= overlap < 1 and two published counts expected")
+
 
 @dataclass(frozen=True)
 class Size:
@@ -82,6 +87,12 @@ class Options:
     fleets_windows: int
     scenarios: dict[str, Scenario]
     profiles: dict[str, Size]
+
+    def __post_init__(self) -> None:
+        expect(self.criterion, CRITERIA, "criterion")
+        for profile, size in self.profiles.items():
+            for name in size.scenarios:
+                expect(name, self.scenarios, f"profiles.{profile}.scenarios")
 
 
 @dataclass(frozen=True)
@@ -127,19 +138,6 @@ class Trial:
     fleets: int
 
 
-def check(options: Options, path: Path) -> None:
-    """Refuse names that do not exist, and windows that cannot be cut."""
-    expect(options.criterion, CRITERIA, f"{path}: criterion")
-    for profile, size in options.profiles.items():
-        for name in size.scenarios:
-            expect(name, options.scenarios, f"{path}: profiles.{profile}.scenarios")
-    for name, own in options.scenarios.items():
-        expect(own.data, TITLES, f"{path}: scenarios.{name}.data")
-        if own.window < 2 or not 0 <= own.overlap < 1 or len(own.published) != 2:
-            what = "window > 1, 0 <= overlap < 1 and two published counts expected"
-            raise TwingapError(what, where=f"{path}: scenarios.{name}")
-
-
 @lru_cache(maxsize=2)
 def _records(name: str, root: Path | None, rig_duration_s: float) -> RecordSet:
     return datasets.load(RIG, duration_s=rig_duration_s) if name == RIG else datasets.load(name, root)
@@ -164,11 +162,8 @@ def load_splits(work: Work) -> list[Split]:
 
 
 def split(name: str, scenario: Scenario, records: RecordSet, path: Path) -> Split:
-    """Recordings that teach and that are judged; what is shorter than a window is left out.
-
-    Raises `TwingapError` for a query that cannot be read, a part without recordings, recordings in both, or classes
-    that nothing teaches.
-    """
+    """Recordings that teach and that are judged, without those shorter than a window. Raises `TwingapError` for an
+    unreadable query, an empty part, a recording in both, or a class that nothing teaches."""
     where, table = f"{path}: scenarios.{name}", records.table
     table = table[table["n_samples"] >= scenario.window]
     train, judge = (_asked(table, query, where)[scenario.label] for query in (scenario.train, scenario.judge))
@@ -231,11 +226,8 @@ def read(job: Reading, root: Path | None) -> dict[str, NDArray[np.float32]]:
 
 
 def indicators(x: Array, fs_hz: float) -> Array:
-    """The eleven indicators of pdm-bench's default configuration: seven of time, four of the spectrum [windows, 11].
-
-    Of windows x [windows, samples]. The spectrum's mean, centre (of the amplitude times frequency), root mean square
-    and spread about the centre are in Hz, weighted by the amplitudes of the Hann-windowed transform.
-    """
+    """The eleven indicators of pdm-bench's default configuration [windows, 11]: seven of time; mean, centre, root mean
+    square (Hz) and spread about the centre of the amplitude spectrum."""
     amplitude = np.abs(np.fft.rfft(x * np.hanning(x.shape[1]), axis=1))
     f = np.fft.rfftfreq(x.shape[1], 1 / fs_hz)
     total = amplitude.sum(axis=1)
@@ -273,11 +265,8 @@ def trials(own: Split, work: Work) -> Iterator[Trial]:
 
 
 def run_trial(job: Trial, train: Rows, judge: Rows) -> dict[str, dict[str, Any]]:
-    """Fit every method, choose its setting without labels of the judged part, judge.
-
-    Method -> `scores` of the judged windows, ``oracle`` (accuracy of the best setting by their labels), ``recordings``
-    (accuracy of recordings by the mean probability over their windows), ``setting``.
-    """
+    """Fit every method, choose its setting without labels of the judged part, judge: method -> `scores`, ``oracle``
+    (best setting by labels), ``recordings`` (accuracy by mean probability over windows), ``setting``."""
     from sklearn.ensemble import RandomForestClassifier
 
     rng, target = np.random.default_rng([job.seed, 65]), judge[job.view]

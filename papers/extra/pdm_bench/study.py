@@ -1,7 +1,5 @@
 """Study of pdm-bench's scenarios, and its tables: what was at hand, every trial, means over seeds."""
 
-from __future__ import annotations
-
 from importlib.util import find_spec
 
 import pandas as pd
@@ -45,7 +43,6 @@ STUDY = Study(
     name="pdm_bench",
     title="frozen scenarios of pdm-bench",
     options=jobs.Options,
-    check=jobs.check,
     steps=(Step("splits", jobs.load_splits), Step("rows", jobs.read_rows), Step("results", jobs.results)),
     tables=all_tables,
     headlines=("pdm_bench-scenarios", "pdm_bench-mean"),

@@ -15,7 +15,7 @@ import itertools
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Final
 
-from papers.paper3_zoa_dann.comparison.jobs import Cell, Options, Prepared, cells, kept_modes, prepared
+from papers.paper3_zoa_dann.comparison.jobs import Options, Prepared, cells, kept_modes, prepared
 from papers.paper3_zoa_dann.comparison.task_files import TaskFile
 from papers.paper3_zoa_dann.comparison.trial import CLOSED, Trial, run_trial
 from papers.paper3_zoa_dann.inputs.options import Options as Common
@@ -25,8 +25,7 @@ if TYPE_CHECKING:
     from papers.framework import Work
     from twingap.sweep import Result
 
-QUANTITIES: Final = ("modes", "envelope_spectrum")
-"""The paper's first: gains are over it."""
+QUANTITIES: Final = ("modes", "envelope_spectrum")  # the paper's first: gains are over it
 METHODS: Final = ("Non-DA", "Non-DA, gap closed", "DANN", "Proposed")
 
 
@@ -43,16 +42,13 @@ def trials(ready: Prepared, task: TaskFile, options: Options, common: Common, st
         )  # fmt: skip
 
 
-def _asked(cell: Cell, same_bearings: bool) -> bool:
-    return cell.available == "balanced" and (cell.unseen is None) == same_bearings
-
-
 def networks(work: Work) -> list[tuple[str, Result[Trial]]]:
     options, common, size = work.options, read_common(), work.size
     found: list[tuple[str, Result[Trial]]] = []
     for task, target in work["tasks"]:
-        chosen = [cell for cell in cells(task, size, work.seed) if _asked(cell, task.same_bearings)]
-        for ready in prepared(work, task, target, common, size, chosen):
+        balanced = [cell for cell in cells(task, size, work.seed) if cell.available == "balanced"]
+        chosen = [cell for cell in balanced if (cell.unseen is None) == task.same_bearings]
+        for ready in prepared(work, task, target, chosen):
             jobs = trials(ready, task, options, common, size.steps)
             with kept_modes(work.out) as modes:
                 inputs = ready.inputs | {"device": (work.device, None), "modes": (modes, None)}

@@ -1,14 +1,12 @@
 """Study of quantities, whose configuration is the comparison's: trials; means by data set, method and quantity."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import pandas as pd
 
 from papers.extra.quantities import jobs
 from papers.framework import Rows, Step, Study, Work, as_table
-from papers.paper3_zoa_dann.comparison.jobs import Options, check, load_tasks
+from papers.paper3_zoa_dann.comparison.jobs import Options, load_tasks
 from papers.paper3_zoa_dann.comparison.trial import Trial
 from papers.paper3_zoa_dann.significance import paired
 from twingap.sweep import Result
@@ -53,7 +51,6 @@ STUDY = Study(
     name="quantities",
     title="the network on waveforms and on envelope spectra",
     options=Options,
-    check=check,
     steps=(Step("tasks", load_tasks), Step("networks", jobs.networks)),
     tables=all_tables,
     headlines=("quantities-mean",),

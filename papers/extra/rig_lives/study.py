@@ -1,7 +1,5 @@
 """Study of the virtual rig's lives: every run followed row by row, judged, and means over bearings."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -62,10 +60,8 @@ def lateness(alarm: tuple[int, int] | None, time_s: Array, onset_s: float) -> di
 
 
 def judge(taken: Taken) -> dict[str, float]:
-    """Errors in minutes at each row's speed, prognostic metrics and coverage, after the alarm.
-
-    Half of what remained at the first estimate is half of its revolutions: time at the row's own speed jumps with it.
-    """
+    """Errors in minutes at each row's speed, prognostic metrics and coverage, after the alarm; alpha-lambda at half of
+    the revolutions that remained at the first estimate."""
     told = [(e, taken.lived[-1] - at) for e, at in zip(taken.estimates[:-1], taken.lived[:-1], strict=True)]
     told = [(e, left) for e, left in told if e.anomaly and np.isfinite(e.revolutions)]
     if not told:

@@ -21,7 +21,7 @@ import numpy as np
 
 from papers.paper2_digital_twin.availability.jobs import NetworkJob, read_options
 from papers.paper2_digital_twin.availability.jobs import Options as Common
-from papers.paper2_digital_twin.availability.records import Measured, measure
+from papers.paper2_digital_twin.availability.records import Measured
 from papers.paper2_digital_twin.availability.source import BASELINE_PIECES, Image, pooled_images
 from papers.paper2_digital_twin.methods.scalograms import ImageOptions, modulation, pieces_of
 from twingap import Bearing, Condition
@@ -127,19 +127,11 @@ def _population(options: Options, common: Common, data: Measured, kind: Kind, ma
     )  # fmt: skip
 
 
-def measured(work: Work) -> dict[str, Measured]:
-    image = read_options().image
-    return {name: measure(found, name, image) for name, found in work["records"].items()}
-
-
 def populations(work: Work) -> list[Population]:
     """Of each set, the printed twin and the closed one."""
     common = read_options()
-    return [
-        _population(work.options, common, own, kind, work.size.machines, work.seed)
-        for own in work["data"].values()
-        for kind in KINDS
-    ]
+    every = itertools.product(work["data"].values(), KINDS)
+    return [_population(work.options, common, own, kind, work.size.machines, work.seed) for own, kind in every]
 
 
 def networks(work: Work) -> Iterator[NetworkJob]:

@@ -1,7 +1,5 @@
 """Study of closing the gap for transfer, and its tables: by data set, split and twin, over seeds and by seed."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -9,8 +7,8 @@ import pandas as pd
 
 from papers.extra.transfer_gap import jobs
 from papers.framework import Rows, Step, Study, Work, as_table
-from papers.paper2_digital_twin.availability.jobs import NetworkJob, load_sets, network
-from papers.paper2_digital_twin.availability.records import SPLITS, TITLES, Measured
+from papers.paper2_digital_twin.availability.jobs import NetworkJob, load_sets, network, read_options
+from papers.paper2_digital_twin.availability.records import SPLITS, TITLES, Measured, measure
 from papers.paper3_zoa_dann.significance import sign_flip
 from twingap.sweep import Result
 
@@ -61,7 +59,7 @@ STUDY = Study(
     options=jobs.Options,
     steps=(
         Step("records", load_sets),
-        Step("data", jobs.measured),
+        Step("data", lambda work: {n: measure(own, n, read_options().image) for n, own in work["records"].items()}),
         Step("populations", jobs.simulate, jobs.populations),
         Step("networks", network, jobs.networks, jobs.inputs),
     ),

@@ -27,6 +27,7 @@ import numpy as np
 
 from papers.paper1_rul_varying_speed.cases import Case, Target, load_target, read_case
 from papers.paper1_rul_varying_speed.job import Job, job_of, train_and_judge
+from papers.paper1_rul_varying_speed.lives import options as lives_options
 from papers.paper1_rul_varying_speed.lives.options import Options as Lives
 from papers.paper1_rul_varying_speed.lives.options import read_options
 from papers.paper1_rul_varying_speed.methods.adaptive_twin import Adaptation, NoLifeError, lives_that_may_follow
@@ -52,12 +53,8 @@ RATES: Final = tuple(float(v) for v in np.geomspace(0.4, 2.5, 121))
 
 
 @dataclass(frozen=True)
-class Size:
-    bearings: tuple[str, ...]
-    seeds: int
-    steps: int
+class Size(lives_options.Size):
     copies: int
-    most_records: int
     models: tuple[str, ...] = tuple(ADVERSARIAL)
     lives: tuple[str, ...] = (SIMULATED, TRUE)
     bench: int | None = None
@@ -110,10 +107,7 @@ def rows(work: Work) -> list[dict[str, Any]]:
 
 
 def with_true_lives(case: Case, options: Adaptation) -> Case:
-    """The case with lives of the rate of growth with which their mean is nearest to the truth: an oracle's.
-
-    Raises `TwingapError` when no rate gives lives that end after now.
-    """
+    """The case with lives of the rate of growth with which their mean is nearest to the truth: an oracle's."""
     twin = case.known.twin
     seen = case.run.until(twin.now_row)
     found: list[tuple[float, Case]] = []

@@ -1,15 +1,13 @@
 """Study of the ablation, and its tables: errors by lives, bearing and model; by lives and model beside DANN's."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 
 import pandas as pd
 
 from papers.framework import Step, Study, Work
+from papers.intervals import compared
 from papers.paper1_rul_varying_speed.ablation import jobs
-from twingap.adapt.evaluate import t_interval
 
 
 def all_tables(work: Work) -> dict[str, pd.DataFrame]:
@@ -34,15 +32,13 @@ def tables_of(rows: Sequence[dict[str, Any]]) -> dict[str, pd.DataFrame]:
             model: part.pivot(index="bearing", columns="seed", values="rmse_min")
             for model, part in own.groupby("model", sort=False)
         }
-        dann = errors[jobs.DANN]
         for model, part in errors.items():
-            ratios = (part.mean() / dann.mean()).to_numpy()
-            low, high = t_interval(list(ratios), 0.9)
+            found = compared(errors[jobs.DANN], part)
             summary.append({
-                "data": data, "lives": lives, "model": model, "seeds": ratios.size, "rmse_min": part.to_numpy().mean(),
-                "lives_rmse_min": own.groupby("bearing")["lives_rmse_min"].first().mean(), "over_dann": ratios.mean(),
-                "low_90": low, "high_90": high, "bearings": len(part),
-                "better_than_dann": int((part.mean(axis=1) < dann.mean(axis=1)).sum()),
+                "data": data, "lives": lives, "model": model, "seeds": found["seeds"], "rmse_min": found["after_min"],
+                "lives_rmse_min": own.groupby("bearing")["lives_rmse_min"].first().mean(), "over_dann": found["ratio"],
+                "low_90": found["low_90"], "high_90": found["high_90"], "bearings": found["runs"],
+                "better_than_dann": found["runs_better"],
             })  # fmt: skip
     return {"ablation": by_bearing, "ablation_summary": pd.DataFrame(summary)}
 

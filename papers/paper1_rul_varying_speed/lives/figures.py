@@ -4,8 +4,6 @@ Figures 1 and 2 of the paper are drawings of the method. Where two of its figure
 of a bearing (3 and 4, 5 and 10, 6 and 12), one is drawn here, of a bearing.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import Final
 

@@ -1,7 +1,5 @@
 """The configuration of this paper: typed, frozen, read from config.toml."""
 
-from __future__ import annotations
-
 import dataclasses
 from dataclasses import dataclass
 from pathlib import Path
@@ -46,16 +44,34 @@ class JudgingOptions:
     levels: tuple[float, ...]
     alpha: float
 
+    def __post_init__(self) -> None:
+        expect(self.criterion, CRITERIA, "criterion")
+        if not all(0 < level < 1 for level in self.levels):
+            raise TwingapError(f"{list(self.levels)} found, between 0 and 1 expected", where="levels")
+
 
 @dataclass(frozen=True)
-class Profile:
+class Size:
+    """What every study of trainings has in a profile."""
+
     bearings: tuple[str, ...]
-    variants: tuple[str, ...]
-    models: tuple[str, ...]
     seeds: int
     steps: int
-    copies: int
     most_records: int
+
+
+@dataclass(frozen=True)
+class Profile(Size):
+    variants: tuple[str, ...]
+    models: tuple[str, ...]
+    copies: int
+
+    def __post_init__(self) -> None:
+        for model in self.models:
+            expect(model, MODELS, "models")
+        for field, value in dataclasses.asdict(self).items():
+            if (value < 1) if isinstance(value, int) else not value:
+                raise TwingapError(f"{value!r} found, 1 or more expected", where=field)
 
 
 @dataclass(frozen=True)
@@ -67,23 +83,11 @@ class Options:
     judging: JudgingOptions
     profiles: dict[str, Profile]
 
+    def __post_init__(self) -> None:
+        for name, profile in self.profiles.items():
+            for variant in profile.variants:
+                expect(variant, self.variants, f"profiles.{name}.variants")
+
 
 def read_options(path: Path = CONFIG) -> Options:
-    return read(Options, check, path)
-
-
-def check(options: Options, path: Path) -> None:
-    """Refuse what the types of the entries allow and the study cannot do."""
-    expect(options.judging.criterion, CRITERIA, f"{path}: judging.criterion")
-    for level in options.judging.levels:
-        if not 0 < level < 1:
-            raise TwingapError(f"{level} found, between 0 and 1 expected", where=f"{path}: judging.levels")
-    for name, profile in options.profiles.items():
-        where = f"{path}: profiles.{name}"
-        for model in profile.models:
-            expect(model, MODELS, f"{where}.models")
-        for variant in profile.variants:
-            expect(variant, options.variants, f"{where}.variants")
-        for field, value in dataclasses.asdict(profile).items():
-            if (value < 1) if isinstance(value, int) else not value:
-                raise TwingapError(f"{value!r} found, 1 or more expected", where=f"{where}.{field}")
+    return read(Options, path)

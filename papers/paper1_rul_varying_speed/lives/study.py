@@ -7,7 +7,6 @@ STUDY = Study(
     name="lives",
     title="RMSE of remaining time, minutes",
     options=options.Options,
-    check=options.check,
     steps=(Step("target", jobs.target), Step("results", jobs.results)),
     tables=tables.all_tables,
     figures=figures.all_figures,

@@ -8,8 +8,6 @@ No row after `now_row` is used: `adapt` is handed none. Source: section 3 of pap
 useful life prediction of rolling element bearings under varying operating conditions).
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Literal
@@ -84,15 +82,8 @@ def read_mode(records: RecordSet, run: Run, options: Adaptation) -> HealthyFit:
 
 
 def adapt(run: Run, mode: HealthyFit, options: Adaptation | None = None) -> AdaptiveTwin:
-    """Read a run up to its last row, which is now (`Run.until`).
-
-    Raises `TwingapError` when there is no anomaly yet, no growth, or no life that could follow; the message says which.
-
-    Parameters
-    ----------
-    mode : HealthyFit
-        From `read_mode`, which may have been done once for all moments.
-    """
+    """Read a run up to its last row, which is now (`Run.until`), with a mode from `read_mode`. Raises `TwingapError`
+    without an anomaly, growth, or a life that could follow; the message says which."""
     options = options or Adaptation()
     influence, normalised, anomaly = find_anomaly(run, options)
     if anomaly.onset_row is None:
@@ -106,17 +97,9 @@ def adapt(run: Run, mode: HealthyFit, options: Adaptation | None = None) -> Adap
 def lives_that_may_follow(
     run: Run, influence: SpeedInfluence, damage: DamageFit, options: Adaptation
 ) -> tuple[tuple[Trajectory, ...], tuple[Trajectory, ...], int]:
-    """Lives about the end that a rate of growth foretells, none of which ends before the run's last row, which is now.
-
-    Raises `TwingapError` when no life could follow.
-
-    Returns
-    -------
-    lives, held_out : tuple of Trajectory
-        Shortest first; those held out lie between the others.
-    period_rows : int
-        Of the speed profile, which is taken to go on as it was.
-    """
+    """Lives about the end that a rate of growth foretells, none of which ends before now, the run's last row: for
+    training (shortest first), held out between those, and the period (rows) by which the speed profile goes on. Raises
+    `TwingapError` when no life could follow."""
     now, onset = run.time_s.size - 1, round(damage.onset)
     # The period is read where the machine still ran as usual; at least as many rows as it needs are there.
     period = period_rows(run.speed_rpm[: onset + 1])
@@ -136,13 +119,9 @@ def lives_that_may_follow(
 def adapt_when_possible(
     run: Run, mode: HealthyFit, options: Adaptation, note: Callable[[str], None] = lambda why: None
 ) -> AdaptiveTwin:
-    """Adapt at the first moment at which the paper's recipe can be followed; rows after the twin's `now_row` are not
-    used.
-
-    That is `after_alarm_min` after the alarm where damage has been seen to grow by then and lives may follow; else a
-    minute later, and so on. `note` is called with the reason of each failed attempt. Raises `TwingapError` when there
-    is no anomaly, `NoLifeError` when the run is over before an attempt succeeds.
-    """
+    """Adapt `after_alarm_min` after the alarm, or a minute later and so on, until growth is seen and lives may follow;
+    rows after `now_row` are not used, `note` gets the reason of each failed attempt. Raises `TwingapError` when there
+    is no anomaly, `NoLifeError` when the run is over first."""
     _, _, anomaly = find_anomaly(run, options)
     if anomaly.alarm_row is None:
         raise TwingapError("no anomaly in the whole run", where="run", mend="check the reference and the rule")

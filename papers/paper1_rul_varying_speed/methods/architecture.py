@@ -1,14 +1,5 @@
-"""Parts and sizes of the network for remaining life, without torch: the five models that the paper compares.
-
-                   sequence  speed  adversarial
-CNN                no        no     no
-DANN               no        no     yes
-Proposed model 1   no        yes    no
-Proposed model 2   yes       no     no
-Proposed model 3   yes       yes    yes
-"""
-
-from __future__ import annotations
+"""Network for remaining life without torch: sizes of the five models that the paper compares, and the encodings of a
+record's place in the run and of its speed (eq. 13; Vaswani et al. 2017, arXiv:1706.03762)."""
 
 import math
 from collections.abc import Mapping
@@ -16,13 +7,15 @@ from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import Final
 
-from papers.paper1_rul_varying_speed.methods.encoding import D_MODEL
+import numpy as np
+from numpy.typing import ArrayLike
+
+from papers.arrays import Array
 from twingap import Bearing, TwingapError
 
-LENGTH = 25000
-"""Samples of a record (table 4)."""
-PRINTED_STRIDES = (16, 8)
-"""Strides of table 1 as printed: 32 features instead of 112."""
+D_MODEL = 24  # length of each encoding (table 4)
+LENGTH = 25000  # samples of a record (table 4)
+PRINTED_STRIDES = (16, 8)  # strides of table 1 as printed: 32 features instead of 112
 
 
 @dataclass(frozen=True)
@@ -58,11 +51,8 @@ class LifeArchitecture:
 
 
 def critical_length(bearing: Bearing, lowest_speed_rpm: float, fs_hz: float, impacts: int = 1) -> int:
-    """Samples that hold so many impacts of a ball defect, the rarest, at the lowest speed: L_c = F_s / BSF, eq. 16.
-
-    A ball meets both races in one spin, but the paper counts one impact, on one race. Its own case, a 6205 at 1000 rpm
-    and 50 kHz, needs 25,459 samples for 20 impacts; its 25,000 ("at least 20 impacts") hold 19.6.
-    """
+    """Samples that hold so many impacts of a ball defect, the rarest, at the lowest speed: L_c = F_s / BSF, eq. 16,
+    which counts one impact a spin. A 6205 at 1000 rpm and 50 kHz needs 25,459 samples for 20; 25,000 hold 19.6."""
     if not (lowest_speed_rpm > 0 and fs_hz > 0 and impacts > 0):
         raise TwingapError(
             f"{lowest_speed_rpm:g} rpm, {fs_hz:g} Hz, {impacts} impacts: all must be above 0", where="critical length"
@@ -83,10 +73,25 @@ MODELS: Final[Mapping[str, LifeArchitecture]] = MappingProxyType({
 def architecture_of(
     name: str, *, printed: bool = False, models: Mapping[str, LifeArchitecture] = MODELS
 ) -> LifeArchitecture:
-    """The network of one model; `printed`: table 1 to the letter, 32 features, instead of the text's 112.
-
-    Raises `TwingapError` for an unknown model.
-    """
+    """The network of one model; `printed`: table 1 to the letter, 32 features, instead of the text's 112."""
     if name not in models:
         raise TwingapError(f"no model {name!r}", where="models", mend=f"choose from {', '.join(models)}")
     return replace(models[name], strides=PRINTED_STRIDES) if printed else models[name]
+
+
+def positional_encoding(position: ArrayLike, d_model: int = D_MODEL) -> Array:
+    """PE(pos, 2i) = sin(pos / 10000^(2i / d_model)), PE(pos, 2i + 1) = cos of the same, positions from 1: eq. 13 [...,
+    d_model]."""
+    if d_model < 2 or d_model % 2:
+        raise TwingapError(f"d_model = {d_model}, an even number of at least 2 expected", where="encoding")
+    angle = np.asarray(position, float)[..., None] / 10000.0 ** (np.arange(0, d_model, 2) / d_model)
+    return np.stack((np.sin(angle), np.cos(angle)), axis=-1).reshape(*angle.shape[:-1], d_model)
+
+
+def speed_position(speed_rpm: ArrayLike, speeds_rpm: ArrayLike) -> Array:
+    """Position of speeds [...] among the increasing operating speeds: that of the nearest, 1 for the lowest."""
+    speed, known = np.asarray(speed_rpm, float), np.asarray(speeds_rpm, float)
+    if known.ndim != 1 or known.size == 0 or (np.diff(known) <= 0).any():
+        raise TwingapError("increasing speeds expected", where="operating speeds")
+    middles = (known[1:] + known[:-1]) / 2
+    return np.asarray(np.searchsorted(middles, speed, side="right"), float) + 1.0

@@ -1,12 +1,7 @@
 """Growth of damage after the anomaly (eq. 12), and trajectories to failure that may follow.
 
-normalised peak to peak, rows after K_anomaly --eq. 12--> DamageFit: rate a
-rate a, S, speed profile, end-of-life limit --------------> central end of life --Simulation range--> Trajectory, ...
-
 A row k counts measurements; with times in s instead, rates are per s. Source: section 3.4 of paper 1.
 """
-
-from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -16,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from papers.arrays import Array
-from papers.paper1_rul_varying_speed.methods.remaining_life import remaining_revolutions
+from papers.paper1_rul_varying_speed.methods.run import remaining_revolutions
 from twingap import TwingapError
 from twingap.prognosis.speed_influence import SpeedInfluence
 
@@ -48,19 +43,12 @@ def damage(k: ArrayLike, rate: float, onset: float) -> Array:
 def fit_damage(
     k: ArrayLike, normalised: ArrayLike, onset: float, *, level: Literal["one", "free"] = "one"
 ) -> DamageFit:
-    """Fit a of eq. 12 to normalised peak to peak after the anomaly, by least squares of its logarithm.
+    """Fit a of eq. 12 to normalised peak to peak [rows] after the onset, by least squares of its logarithm: scatter is
+    in proportion to height. Rows (or times) `k` not after the onset and NaN amplitudes are left out; raises
+    `TwingapError` when too few remain.
 
-    Peak to peak scatters in proportion to itself, so that the last rows would decide otherwise. Raises `TwingapError`
-    when too few rows follow the onset.
-
-    Parameters
-    ----------
-    k, normalised : array_like [rows]
-        Rows or times, and P_N of eq. 11. Rows not after `onset` and NaN amplitudes (a stopped machine) are left out.
-    level : {"one", "free"}
-        "one": D(K_anomaly) = 1 as printed. "free": a factor is fitted too, for damage that begins with a jump or was
-        found late: `detect_anomaly` cannot see growth below the scatter, and "one" takes what had grown before for
-        speed of growth (rate 0.0088 for a true 0.006 in the simulated runs of the tests, 21 rows late; "free" 0.0060).
+    `level` "one" is D(K_anomaly) = 1 as printed; "free" fits a factor too, for damage that begins with a jump or was
+    found late, which "one" takes for speed of growth.
     """
     place, x = np.asarray(k, float) - onset, np.asarray(normalised, float)
     kept = (place > 0) & np.isfinite(x) & (np.where(np.isfinite(x), x, 0) > 0)
@@ -122,26 +110,13 @@ def trajectories(
     fit: DamageFit, influence: SpeedInfluence, speed_rpm: ArrayLike, dt_s: float, limit: float, *, count: int = 6,
     simulation_range_s: float = 2400.0, not_before_row: int | None = None,
 ) -> list[Trajectory]:  # fmt: skip
-    """Lives whose ends lie within the Simulation range about the end that the fitted rate foretells, shortest first.
+    """Lives whose ends lie within the Simulation range about the end that the fitted rate (per row) foretells, shortest
+    first, each of another rate.
 
-    Each has another rate. Peak to peak passes the limit at fast rows before it does at slow ones, so ends come only at
-    some rows: two lives may share one, and ends are only about evenly spaced. Raises `TwingapError` when no growth was
-    seen, or no life ends within the profile or the range.
-
-    Parameters
-    ----------
-    fit : DamageFit
-        In rows.
-    speed_rpm : array_like [rows]
-        Speed profile from K_anomaly on: seen, then planned. Long enough for the latest end.
-    dt_s : float
-        Time from row to row.
-    limit : float
-        Peak to peak at which a life ends, unit of `influence`.
-    simulation_range_s : float
-        Greatest difference between two ends: 40 minutes in the paper; half on either side of the centre.
-    not_before_row : int, optional
-        The bearing is known to have lived beyond this row (the last one measured): no life ends there or before.
+    `speed_rpm` [rows] is the profile from K_anomaly on, seen, then planned, `limit` the peak to peak at which a life
+    ends, `simulation_range_s` the greatest difference between two ends; none ends at `not_before_row` or before. Ends
+    come only at fast rows, so they are about evenly spaced and two may share one. Raises `TwingapError` when no growth
+    was seen, or no life ends within the profile or the range.
     """
     speed = np.asarray(speed_rpm, float)
     onset = round(fit.onset)

@@ -1,14 +1,8 @@
 """Modes that a growing defect excites, from spectra before and after the anomaly.
 
-records after K_anomaly, up to now --PSD--+
-                                          +-- difference --> hills --> frequency, damping (half power), gain
-healthy records of the same speeds --PSD--+
-
 Eq. 8 of paper 1 reads the one dominant mode off healthy records. What dominates those, rolling noise through a low mode
 say, need not be a mode that impacts excite; the excess over them is, and it needs no label either.
 """
-
-from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,20 +14,15 @@ from twingap.effects import Mode
 
 Samples = NDArray[np.float32]
 
-SEGMENT_HZ = 12.0
-"""Aimed distance of bins, Hz."""
-_LEAST_PROMINENCE = np.log(2.0)
-"""Of a hill over the valleys beside it, in the logarithm: what half power takes."""
+SEGMENT_HZ = 12.0  # aimed distance of bins, Hz
+_LEAST_PROMINENCE = np.log(2.0)  # of a hill over the valleys beside it, in the logarithm: what half power takes
 
 
 def excess_spectrum(
     faulty: Samples, faulty_rpm: Array, healthy: Samples, healthy_rpm: Array, fs_hz: float
 ) -> tuple[Array, Array]:  # fmt: skip
-    """Mean PSD of records [records, samples] less that of healthy ones of the nearest speed: frequencies, Hz, and PSD
-    [bins].
-
-    Unit squared per Hz; 0 where healthy records have more.
-    """
+    """Mean PSD of records [records, samples] less that of healthy ones of the nearest speed, 0 where those have more:
+    frequencies, Hz, and PSD, unit squared per Hz [bins]."""
     segment = min(2 ** int(np.round(np.log2(fs_hz / SEGMENT_HZ))), faulty.shape[1], healthy.shape[1])
     f_hz, after = welch(faulty, fs_hz, nperseg=segment)
     _, before = welch(healthy, fs_hz, nperseg=segment)
@@ -47,17 +36,9 @@ def excess_spectrum(
 def excited_modes(
     faulty: Samples, faulty_rpm: Array, healthy: Samples, healthy_rpm: Array, fs_hz: float, count: int = 4
 ) -> tuple[Mode, ...]:
-    """At most `count` modes that impacts ring most strongly, strongest first, whose gain is 1.
-
-    Damping is read off the width at half power, the window's own taken out. Raises `TwingapError` when nothing stands
-    out of the healthy spectrum.
-
-    Parameters
-    ----------
-    faulty, healthy : Samples [records, samples]
-        After K_anomaly and up to now; of the healthy beginning.
-    faulty_rpm, healthy_rpm : Array [records]
-    """
+    """At most `count` modes that impacts ring most strongly, strongest (gain 1) first, from records [records, samples]
+    after K_anomaly and healthy ones; damping from the width at half power. Raises `TwingapError` when nothing stands
+    out."""
     f_hz, psd = excess_spectrum(faulty, faulty_rpm, healthy, healthy_rpm, fs_hz)
     step = float(f_hz[1])
     usable = (f_hz > 5 * step) & (f_hz < 0.45 * fs_hz)

@@ -1,16 +1,11 @@
 """Metrics of predicted remaining life against the true one.
 
-true remaining life [rows], predicted [rows], interval [rows, 2] --> RMSE, alpha-lambda, relative accuracy, horizon,
-                                                                     score of the PHM 2012 challenge, coverage
-
 Rows are in order of time, the last nearest to the end of life, and remaining life is in any one unit. A row without a
 prediction (NaN) counts as a miss where hits are counted, and is left out of means. Sources: Saxena, Celaya, Saha, Saha,
 Goebel 2010, Metrics for offline evaluation of prognostic performance, International Journal of Prognostics and Health
 Management 1 (1), DOI 10.36001/ijphm.2010.v1i1.1336; Nectoux et al. 2012, PRONOSTIA: an experimental platform for
 bearings accelerated degradation tests, IEEE PHM, hal-00719503.
 """
-
-from __future__ import annotations
 
 from typing import NamedTuple
 
@@ -54,10 +49,8 @@ def within_alpha(true: ArrayLike, predicted: ArrayLike, alpha: float = 0.2) -> N
 
 
 def alpha_lambda(true: ArrayLike, predicted: ArrayLike, lam: float = 0.5, alpha: float = 0.2) -> bool:
-    """Whether the last prediction not after t_lambda = t_P + lam (t_EoL - t_P) lies within the cone.
-
-    t_P is the first row with a prediction; False without any.
-    """
+    """Whether the last prediction not after t_lambda = t_P + lam (t_EoL - t_P), t_P the first row with one, lies within
+    the cone; False without any."""
     t, p = _pair(true, predicted)
     made = np.flatnonzero(np.isfinite(p))
     if made.size == 0:
@@ -69,10 +62,8 @@ def alpha_lambda(true: ArrayLike, predicted: ArrayLike, lam: float = 0.5, alpha:
 
 
 def prognostic_horizon(true: ArrayLike, predicted: ArrayLike, life: float, alpha: float = 0.1) -> float:
-    """Remaining life at the first row from which on all predictions lie within true -+ alpha `life`; 0 without one.
-
-    `life` is t_EoL, unit of remaining life. The source asks for that row alone, which one lucky prediction satisfies.
-    """
+    """Remaining life at the first row from which on all predictions lie within true -+ alpha `life` (t_EoL); 0 without
+    one. The source asks for that row alone, which one lucky prediction satisfies."""
     t, p = _pair(true, predicted)
     lasting = np.logical_and.accumulate((np.abs(p - t) <= alpha * life)[::-1])[::-1]
     first = np.flatnonzero(lasting)

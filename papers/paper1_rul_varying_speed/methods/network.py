@@ -1,14 +1,8 @@
 """Network that predicts remaining life from a record, its speed and its place in the run; plain or adversarial.
 
-record [batch, samples] --conv, pool, conv, pool--> features [batch, 112] --+
-sequence encoding [batch, 24] ----------------------------------------------+--> joined --> regressor --> life
-speed encoding [batch, 24] -------------------------------------------------+        \\--> reversal --> discriminator
-
 Which of the encodings and whether the discriminator take part are options of one network, so that two models differ in
 nothing else. Source: section 3.7, tables 1, 2 and 4 of paper 1.
 """
-
-from __future__ import annotations
 
 import torch
 from torch import Tensor, nn
@@ -19,12 +13,10 @@ from twingap.adapt.dann import reverse_gradient
 
 
 class LifeNetwork(nn.Module):
-    """Feature extractor, regressor and (adversarial only) discriminator of paper 1.
-
-    Of 25,000 samples: 4 x 1555 -> 4 x 194 -> 16 x 60 -> 16 x 7 = 112 features. The regressor's last unit is a ReLU, as
-    printed: a unit that is 0 for all records learns nothing more, so its bias begins at 0.5, the middle of labels that
-    are scaled to between 0 and 1. Raises `TwingapError` when records are too short to leave a feature.
-    """
+    """Feature extractor, regressor and (adversarial only) discriminator of paper 1: 25,000 samples -> 4 x 1555 -> 4 x
+    194 -> 16 x 60 -> 16 x 7 = 112 features. The regressor ends in a ReLU, as printed; its bias begins at 0.5, the
+    middle of the labels, since a unit that is 0 for all records learns nothing more. Raises `TwingapError` for records
+    without a feature."""
 
     def __init__(self, architecture: LifeArchitecture | None = None) -> None:
         super().__init__()

@@ -1,6 +1,7 @@
-"""Run of one bearing, row by row: time, speed, amplitude; and the planned speed.
+"""Run of one bearing, row by row: time, speed, amplitude; the planned speed; remaining life in revolutions and in time.
 
-records --peak to peak--> Run: time, speed, amplitude [rows] --> speed profile seen, and planned by repeating itself
+A bearing wears by the revolution: remaining revolutions fall smoothly whatever the speed does, and remaining time jumps
+with it (eq. 14, section 3.6 of paper 1). At constant speed remaining time has slope -1.
 """
 
 from __future__ import annotations
@@ -51,10 +52,8 @@ class Run:
 
 
 def read_run(records: RecordSet) -> Run:
-    """Rows of a run from the records of one bearing, in order of time, one at a time in memory.
-
-    Raises `TwingapError` when a record has no time.
-    """
+    """Rows of a run from the records of one bearing in order of time, one in memory at a time; `TwingapError` without
+    times."""
     for condition in records.conditions:
         if condition.time_s is None:
             raise TwingapError("has no time_s", where=f"record {condition.name!r}", mend="a run needs times")
@@ -66,11 +65,8 @@ def read_run(records: RecordSet) -> Run:
 
 
 def period_rows(speed_rpm: ArrayLike) -> int:
-    """Rows after which a speed profile [rows] repeats itself.
-
-    Speeds within a relative distance of `SAME_SPEED` are equal. Of the periods that hold every speed seen and after
-    which `ALIKE` of all rows come again, the shortest; 1 for a constant speed, all rows when nothing repeats.
-    """
+    """Rows after which a speed profile [rows] repeats itself: the shortest period that holds every speed seen and after
+    which `ALIKE` of all rows come again; 1 for a constant speed, all rows when nothing repeats."""
     speed = np.asarray(speed_rpm, float)
     low, high = float(speed.min()), float(speed.max())
     if high <= low * (1 + SAME_SPEED):
@@ -97,3 +93,23 @@ def planned_speed(speed_rpm: ArrayLike, rows: int, period: int) -> Array:
         return seen[:rows].copy()
     again = np.resize(seen[seen.size - period :], rows - seen.size)
     return np.concatenate((seen, again))
+
+
+def remaining_revolutions(speed_rpm: ArrayLike, dt_s: float) -> Array:
+    """Rev_n of eq. 14 [rows], from the anomaly (row 0) to the end of life, where it is 0; `dt_s` is the spacing of
+    rows. As printed rpm_K dt revolutions would remain at the end, since the total is summed from K_anomaly and
+    subtracted from the row after it; that term is left out."""
+    speed = np.asarray(speed_rpm, float)
+    if speed.ndim != 1 or speed.size == 0 or not np.isfinite(speed).all() or (speed < 0).any():
+        raise TwingapError("one finite speed of at least 0 per row expected", where="speed profile")
+    turns = speed * (dt_s / 60)
+    return np.asarray(np.cumsum(turns[::-1])[::-1] - turns)
+
+
+def remaining_time_s(revolutions: ArrayLike, speed_rpm: ArrayLike) -> Array:
+    """RUL_n = Rev_n / rpm_n of eq. 14, s [...]: the time left at the present speed; infinite for a machine at
+    standstill."""
+    left, speed = np.broadcast_arrays(np.asarray(revolutions, float), np.asarray(speed_rpm, float))
+    running = speed > 0
+    time = 60 * left / np.where(running, speed, 1.0)
+    return np.where(running, time, np.where(left > 0, np.inf, 0.0))

@@ -1,8 +1,5 @@
 """Vibration snapshots of simulated lives with labels, and of the real run without.
 
-lives: speed, S(k) D(k), revolutions --amplitude for that peak to peak--> phenomenological twin --> Snapshots, labelled
-records of the run after K_anomaly, speed, place ------------------------------------------------> Snapshots, no labels
-
 Eq. 1 of paper 1: x_k = S(k) D(k) sum_i h(t - iT - tau_i) q(iT) A_i + n(t). S and D scale the impacts, and n(t) stays as
 it is: `effects.SpeedGain`, which drives all excitation, is not eq. 1. The end of life is defined on peak to peak, so
 each record's impacts are given the strength with which it, noise included, has S(k) D(k) peak to peak, give or take
@@ -28,8 +25,7 @@ from twingap.twins.phenomenological import PhenomenologicalParameters, Phenomeno
 
 Samples = NDArray[np.float32]
 
-CHUNK = 128
-"""Records made at once."""
+CHUNK = 128  # records made at once
 
 
 @dataclass(frozen=True)
@@ -90,19 +86,8 @@ class _MoreModes(Effect):
 
 
 class LifeSimulator:
-    """Eq. 1 for one bearing, its amplitudes set by peak to peak.
-
-    Raises `TwingapError` when the mode lies beyond half the sampling rate, or records are missing that the model needs.
-
-    Parameters
-    ----------
-    fault : {"inner", "outer", "ball", "cage"}
-    rng : numpy.random.Generator
-        For the pilots from which amplitudes are set.
-    healthy, faulty : Snapshots, optional
-        Of the run: its healthy beginning, and after K_anomaly up to now: what "measured", "excited" and
-        "matched" read.
-    """
+    """Eq. 1 for one bearing, its amplitudes set by peak to peak; `healthy` and `faulty` (after K_anomaly, up to now)
+    are what the options "measured", "excited" and "matched" read. Raises `TwingapError` where those are missing."""
 
     def __init__(
         self, twin: AdaptiveTwin, bearing: Bearing, fault: str, fs_hz: float, n_samples: int,
@@ -162,10 +147,8 @@ class LifeSimulator:
         self, speed_rpm: Array, peak_to_peak: Array, rng: np.random.Generator,
         impact_shape: tuple[float, float] | None = None,
     ) -> Samples:  # fmt: skip
-        """Records of a faulty bearing with just these peaks to peak [records]; of noise alone where that has more.
-
-        `impact_shape` is the depth of q and the scatter of A; the simulator's own when absent.
-        """
+        """Records of a faulty bearing with just these peaks to peak [records], of noise alone where that has more;
+        `impact_shape` (depth of q, scatter of A) takes the place of the simulator's own."""
         zone, scatter = impact_shape or self.impact_shape
         silent = replace(self._parameters, structure_noise_rms=0.0, white_noise_rms=1e-12)
         effects = (
@@ -198,10 +181,8 @@ class LifeSimulator:
         return IMPACT_SHAPES[min(range(len(IMPACT_SHAPES)), key=miss)]
 
     def noise(self, speed_rpm: Array, rng: np.random.Generator) -> Samples:
-        """n(t) of each record [records, length]: the twin of a healthy bearing at these speeds.
-
-        Or "measured": healthy records of the nearest speeds, each shifted (cyclically) and turned over at random.
-        """
+        """n(t) of each record [records, length]: the healthy twin's at these speeds, or "measured": healthy records of
+        the nearest speeds, each shifted (cyclically) and turned over at random."""
         if self._healthy is None:
             return self._made(self._quiet, speed_rpm, rng, "healthy")
         own = self._healthy.speed_rpm

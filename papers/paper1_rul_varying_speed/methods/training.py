@@ -11,8 +11,6 @@ scales the samples of both domains. Checkpoints are chosen without a label of th
 Source: sections 2.2, 3.7 and 4 of paper 1, after Ganin et al. 2016, arXiv:1505.07818.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Final
@@ -23,8 +21,7 @@ from torch import Tensor
 from torch.nn import functional
 
 from papers.arrays import Array
-from papers.paper1_rul_varying_speed.methods.architecture import LifeArchitecture
-from papers.paper1_rul_varying_speed.methods.encoding import positional_encoding, speed_position
+from papers.paper1_rul_varying_speed.methods.architecture import LifeArchitecture, positional_encoding, speed_position
 from papers.paper1_rul_varying_speed.methods.network import LifeNetwork
 from papers.paper1_rul_varying_speed.methods.simulated_lives import Snapshots
 from twingap import TwingapError
@@ -123,17 +120,9 @@ def train_life(
     simulated: Snapshots, real: Snapshots, architecture: LifeArchitecture, scales: LifeScales,
     settings: LifeTraining | None = None, seed: int = 0,
 ) -> TrainedLife:  # fmt: skip
-    """Train one model: same seed, same bytes on the same kind of device.
-
-    Raises `TwingapError` when simulated records lack labels, or real ones bring them.
-
-    Parameters
-    ----------
-    real : Snapshots
-        Of the run up to now, after the anomaly; not used by a model that is not adversarial.
-    seed : int
-        Of weights and order of batches.
-    """
+    """Train one model; `seed` is of weights and batches: same seed, same bytes on the same kind of device. `real`
+    records, of the run up to now, serve adversarial models alone. Raises `TwingapError` when simulated records lack
+    labels, or real ones bring them."""
     settings = settings or LifeTraining()
     if simulated.revolutions is None:
         raise TwingapError("simulated records without labels", where="training")
@@ -217,26 +206,11 @@ class LifeEvidence:
     real_total: Array
 
 
-def simulated_error(evidence: LifeEvidence) -> float:
-    """RMS error on held-out simulated lives."""
-    return float(np.sqrt(np.mean(evidence.held_out**2)))
-
-
-def steadiness(evidence: LifeEvidence) -> float:
-    """Scatter of the whole life that the real records, one by one, are predicted to have."""
-    return float(np.std(evidence.real_total))
-
-
-def error_and_steadiness(evidence: LifeEvidence) -> float:
-    """Both in quadrature. A constant answer is steady, and a network that knows simulated records alone is exact there;
-    neither helps on the real run."""
-    return float(np.hypot(simulated_error(evidence), steadiness(evidence)))
-
-
 CRITERIA: Final[dict[str, Callable[[LifeEvidence], float]]] = {
-    "error_and_steadiness": error_and_steadiness,
-    "simulated_error": simulated_error,
-    "steadiness": steadiness,
+    # Both in quadrature: a constant answer is steady, and a network that knows simulated records alone is exact there.
+    "error_and_steadiness": lambda e: float(np.hypot(np.sqrt(np.mean(e.held_out**2)), np.std(e.real_total))),
+    "simulated_error": lambda e: float(np.sqrt(np.mean(e.held_out**2))),
+    "steadiness": lambda e: float(np.std(e.real_total)),
 }
 """Label-free criteria by name; lower is better."""
 

@@ -1,9 +1,4 @@
-"""Figures of the availability study, in colours that colour-blind readers tell apart (Okabe and Ito 2008).
-
-accuracy over labelled records --> crossing points;  alarms --> severity by recording
-"""
-
-from __future__ import annotations
+"""Figures of the availability study, in colours that colour-blind readers tell apart (Okabe and Ito 2008)."""
 
 from collections.abc import Iterator
 from typing import Any, Final
@@ -83,9 +78,8 @@ def _mark(panel: Any, accuracy: pd.DataFrame, crossed: pd.DataFrame, steps: list
 
 def severity(work: Work) -> Figure:
     """MQE over threshold of each recording, by fault and size."""
-    figure = Figure(figsize=(12, 4.2 * len(work["data"]) + 0.5), layout="constrained")
-    panels = figure.subplots(len(work["data"]), 1, squeeze=False)[:, 0]
-    for panel, (name, data) in zip(panels, work["data"].items(), strict=True):
+    figure, panels = subplots((12, 4.2 * len(work["data"]) + 0.5), len(work["data"]), squeeze=False)
+    for panel, (name, data) in zip(panels[:, 0], work["data"].items(), strict=True):
         groups = sorted({(data.labels[r], data.sizes[r]) for r in data.recordings})
         for place, (label, size) in enumerate(groups):
             own = sorted(

@@ -40,10 +40,8 @@ if TYPE_CHECKING:
 
 CONFIG: Final = Path(__file__).with_name("config.toml")
 Places = NDArray[np.int64]
-HELD_OUT: Final = 5
-"""Every fifth virtual machine is kept from training."""
-STRIP: Final = 6
-"""Pieces that are judged together by the network."""
+HELD_OUT: Final = 5  # every fifth virtual machine is kept from training
+STRIP: Final = 6  # pieces that are judged together by the network
 TINY: Final = 1e-6
 
 
@@ -73,23 +71,21 @@ class Options:
     head: HeadOptions
     profiles: dict[str, Size]
 
-
-def check(options: Options, path: Path) -> None:
-    """Refuse what the types of the entries allow and the study cannot do."""
-    expect(options.criterion, CRITERIA, f"{path}: criterion")
-    for name in options.data:
-        expect(name, TITLES, f"{path}: data")
-    if options.folds < 2 or any(count < 1 for count in options.counts):
-        raise TwingapError("two folds or more and counts of 1 or more expected", where=path)
-    if options.head.length <= 0 or options.head.variance <= 0 or options.head.trust < 0:
-        raise TwingapError("length and variance above 0, trust of 0 or more expected", where=f"{path}: head")
-    if max(options.source.pooled) != options.source.pooled[-1]:
-        raise TwingapError(f"source.pooled = {list(options.source.pooled)}, rising numbers expected", where=path)
+    def __post_init__(self) -> None:
+        expect(self.criterion, CRITERIA, "criterion")
+        for name in self.data:
+            expect(name, TITLES, "data")
+        if self.folds < 2 or any(count < 1 for count in self.counts):
+            raise TwingapError("two folds or more and counts of 1 or more expected")
+        if self.head.length <= 0 or self.head.variance <= 0 or self.head.trust < 0:
+            raise TwingapError("length and variance above 0, trust of 0 or more expected", where="head")
+        if max(self.source.pooled) != self.source.pooled[-1]:
+            raise TwingapError(f"source.pooled = {list(self.source.pooled)}, rising numbers expected")
 
 
 def read_options(path: Path = CONFIG) -> Options:
     """The study's configuration, for studies that share it."""
-    return read(Options, check, path)
+    return read(Options, path)
 
 
 @dataclass(frozen=True)
@@ -162,17 +158,9 @@ def _parts(places: Places, size: int) -> list[Places]:
 
 
 def network(job: NetworkJob, data: Mapping[str, Measured], source: Mapping[str, Any]) -> dict[str, Any]:
-    """Train on the twin's images, choose without labels, judge; then correct it by few labels, and judge.
-
-    The network itself learns from no label: the head's mean must not have seen the records that it is corrected by.
-    `source` holds what `source.simulate` gives, by ``data kind fold``.
-
-    Returns
-    -------
-    dict
-        ``split`` -> ``count`` -> recording -> called class; with no label also what each checkpoint says and scores,
-        with some also what the same head calls it without the network.
-    """
+    """Train on the twin's images (`source`: by ``data kind fold``) without a label, choose and judge; then correct it
+    by few labels, and judge. ``split`` -> ``rows`` -> ``count`` -> recording -> called class; what each checkpoint says
+    and scores; and what the same head calls without the network."""
     own, made = data[job.data], source[f"{job.data} {job.kind} {job.fold}"]
     n_classes, truth = len(own.classes), own.piece_labels()
     x, y = np.asarray(made["images"], dtype=np.float32), np.asarray(made["labels"], dtype=np.int64)
@@ -243,11 +231,8 @@ def shallow(job: ShallowJob, data: Mapping[str, Measured]) -> dict[str, Any]:
 
 
 def alarm(job: AlarmJob, data: Mapping[str, Measured]) -> dict[str, Any]:
-    """Healthy map of all healthy recordings but one; MQE and alarms of every recording.
-
-    A recording alarms when more than half of its windows do. They stand and fall together, so no independence is
-    assumed: by Markov's inequality a healthy recording alarms with a probability of at most 2 `false_alarm`.
-    """
+    """Healthy map of all healthy recordings but one; MQE and alarms of every recording. One alarms when more than half
+    of its windows do: by Markov's inequality a healthy one does with a probability of at most 2 `false_alarm`."""
     own = data[job.data]
     healthy = [h for h in own.healthy() if h != job.without]
     inside = np.isin(own.window_recording, healthy)

@@ -1,12 +1,4 @@
-"""Recordings of the availability study, cut into pieces of equal shaft angle; folds and labels.
-
-recording --cut--> pieces of some turns (the labelled "records") --> modulation, features
-              +--> short windows --> features for the healthy map
-recordings --by recording (shuffled by seed) or by bearing--> folds: learn | judge
-learn --n records of each fault, from as many recordings as there are--> labelled
-"""
-
-from __future__ import annotations
+"""Recordings of the availability study, cut into pieces of equal shaft angle; folds and labels."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -26,8 +18,7 @@ from twingap.data import NotAtHandError
 RIG: Final = "virtual_cwru"
 SHORTEST: Final = 4
 """A recording at hand in stretches shorter than so many pieces is no background for the twin."""
-WINDOW: Final = 1024
-"""Samples of a short window: as long as a piece of CWRU's 98.mat at hand, 85 ms at 12 kHz."""
+WINDOW: Final = 1024  # samples of a short window: as long as a piece of CWRU's 98.mat at hand, 85 ms at 12 kHz
 RATE_HZ: Final = {"cwru": 12_000.0, "hit_sm": 12_800.0, "virtual_cwru": 12_000.0}
 TITLES: Final = {"cwru": "CWRU", "hit_sm": "HIT-SM", "virtual_cwru": "virtual rig, not CWRU"}
 CLASSES: Final = {
@@ -84,11 +75,8 @@ def load(name: str, root: Path | None, rig_duration_s: float = 4.0) -> RecordSet
 
 
 def measure(records: RecordSet, name: str, options: ImageOptions) -> Measured:
-    """Cut and measure every recording.
-
-    A recording that is only at hand in short windows (98.mat of CWRU) becomes pieces of as many windows as make the
-    length of a piece; each window's spectrum has less resolution, and their powers are averaged.
-    """
+    """Cut and measure every recording. One that is only at hand in short windows (98.mat of CWRU) becomes pieces of as
+    many windows as make the length of a piece, whose powers are averaged."""
     classes, bearing, parts = CLASSES[name], records.bearing or BEARINGS["6205"], []
     labels: dict[str, int] = {}
     bearings: dict[str, str] = {}
@@ -131,10 +119,7 @@ def measure(records: RecordSet, name: str, options: ImageOptions) -> Measured:
 
 
 def at_hand(names: Sequence[str], root: Path | None, rig_duration_s: float) -> dict[str, RecordSet]:
-    """Those of the named data sets that are at hand; the virtual rig when none is.
-
-    Raises `NotAtHandError` for the first that is missing in a root that the caller named.
-    """
+    """Those of the named data sets that are at hand; the virtual rig when none is."""
     found: dict[str, RecordSet] = {}
     for name in names:
         try:
@@ -157,17 +142,13 @@ def backgrounds(records: RecordSet, data: Measured, image: ImageOptions) -> dict
 
 Split = Literal["recording", "bearing"]
 SPLITS: Final[tuple[Split, ...]] = ("recording", "bearing")
-ALL: Final = -1
-"""All labelled records that there are."""
+ALL: Final = -1  # all labelled records that there are
 
 
 def judged(data: Measured, split: Split, fold: int, folds: int, seed: int) -> tuple[str, ...]:
-    """Recordings of one fold.
-
-    Healthy recordings are dealt in their order, whatever the split: there is one healthy bearing, and what learnt from
-    one of its recordings cannot be kept from all of it. Recordings of a fault are shuffled by the seed ("recording") or
-    kept with those of their bearing, one size a fold ("bearing"), so that every seed judges the same.
-    """
+    """Recordings of one fold. Healthy ones are dealt in their order, whatever the split, since there is one healthy
+    bearing; those of a fault are shuffled by the seed ("recording") or kept with those of their bearing, one size a
+    fold ("bearing")."""
     rng = np.random.default_rng([seed, 21])
     healthy = data.healthy()
     chosen = [str(r) for r in np.array_split(np.array(healthy), folds)[fold]]
@@ -190,20 +171,8 @@ def judged(data: Measured, split: Split, fold: int, folds: int, seed: int) -> tu
 def labelled(
     data: Measured, learn: Sequence[str], count: int, rng: np.random.Generator, *, all_healthy: bool
 ) -> NDArray[np.int64]:
-    """Places of the labelled pieces: `count` of each fault, and healthy ones.
-
-    The first of each recording in turn (in random order), then the second of each, so that `count` records come from
-    as many recordings as there are.
-
-    Parameters
-    ----------
-    learn : sequence of str
-        Recordings that may be learnt from.
-    count : int
-        `ALL` for all.
-    all_healthy : bool
-        Healthy records are not scarce: all of them; or as many as of a fault, since more drown the few.
-    """
+    """Places of the labelled pieces of the recordings `learn`: `count` (or `ALL`) of each fault, from as many
+    recordings as there are; of healthy ones as many, since more drown the few, or all (`all_healthy`)."""
     chosen: list[int] = []
     healthy = data.healthy()
     for label in sorted(set(data.labels.values())):

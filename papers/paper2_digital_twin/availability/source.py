@@ -11,8 +11,6 @@ with named effects rather than the paper's contact model: the effects are what r
 model lacks (kind "bare", one mode, periodic strikes, white noise, shows what they are worth).
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -99,10 +97,8 @@ class _Machine:
 
 
 def simulate(plant: Plant, healthy: dict[str, Background]) -> dict[str, Any]:
-    """Images of a population, a record of each class for each machine, on healthy recordings by name.
-
-    ``images`` float32 [images, 3, carriers, orders], ``labels`` [images], ``machine`` [images].
-    """
+    """Images of a population, a record of each class for each machine, on healthy recordings by name: ``images``
+    float32 [images, 3, carriers, orders], ``labels`` and ``machine`` [images]."""
     made: list[Image] = []
     about: list[tuple[int, int]] = []
     for number in range(plant.machines):
@@ -268,11 +264,8 @@ def _log(bounds: tuple[float, ...], rng: Rng) -> float:
 
 
 def healthy_recordings(plant: Plant, seed: int, count: int, seconds: float) -> list[Array]:
-    """Recordings of one simulated machine in good order, all at one speed, which is drawn from those of the plant.
-
-    Nothing is mounted anew between them: their levels differ by a quarter of `remount_db` (standard deviation). For
-    counting false alarms: nobody has many healthy recordings of a real machine.
-    """
+    """Recordings of one simulated healthy machine at one of the plant's speeds, on which false alarms are counted;
+    their levels differ by a quarter of `remount_db` (standard deviation), as nothing is mounted anew between them."""
     rng = np.random.default_rng([plant.seed, seed, 17])
     own = _machine(plant, rng)
     turns = seconds * own.speed_rpm / 60

@@ -7,7 +7,6 @@ STUDY = Study(
     name="availability",
     title="diagnosis by how much labelled data there is",
     options=jobs.Options,
-    check=jobs.check,
     steps=(
         Step("records", jobs.load_sets),
         Step("data", jobs.measured),

@@ -1,9 +1,4 @@
-"""Tables of the availability study.
-
-jobs --> calls of every recording by seed --> accuracy, crossing points;  alarms --> severity, size;  checks --> rates
-"""
-
-from __future__ import annotations
+"""Tables of the availability study."""
 
 import itertools
 from collections.abc import Iterator
@@ -19,8 +14,7 @@ from twingap.adapt.evaluate import t_interval
 
 METHODS: Final = ("twin network", "SVM", "SOM-MQE")
 LEVEL: Final = 0.95
-MANY: Final = 10**6
-"""Stands for all the labels that there are."""
+MANY: Final = 10**6  # stands for all the labels that there are
 AHEAD: Final = (("SVM", "twin network"), ("SOM-MQE", "twin network"), ("SOM-MQE", "SVM"))
 
 
@@ -86,11 +80,8 @@ def accuracy(called: pd.DataFrame) -> Rows:
 
 @as_table
 def crossings(work: Work, called: pd.DataFrame) -> Rows:
-    """From how many records on one method is at least as good as another, and whether that is more than luck.
-
-    ``at least as good from``: smallest number from which on the mean over seeds is never lower; empty if it is lower
-    with all records. ``better from``: the same with the 95 % interval of the paired difference above 0.
-    """
+    """From how many records on one method is at least as good as another in the mean over seeds (empty if it is lower
+    with all), and ``better from``: with the 95 % interval of the paired difference above 0."""
     found = by_seed(called)
     for (data, split, about), (first, second) in itertools.product(_parts(work), AHEAD):
         here = found[(found["data"] == data.name) & (found["split"] == split)]
@@ -224,27 +215,26 @@ def judging(work: Work, data: Measured, recording: str) -> list[dict[str, Any]]:
     return [a.value for a in work["alarms"] if a.job.data == data.name and a.job.without == without]
 
 
-def severity(work: Work) -> pd.DataFrame:
-    """MQE of every recording, median of its windows, mean over seeds.
-
-    Of a fault, against the map of all healthy recordings; of a healthy one, against the map of the others, whose
-    threshold is another: `over threshold` is what compares.
-    """
-    rows = []
+@as_table
+def _severities(work: Work) -> Rows:
+    """A row per recording: median MQE of its windows and how far over threshold, mean over seeds."""
     for name, data in work["data"].items():
         for r in data.recordings:
             here = judging(work, data, r)
-            values = {
-                k: np.mean([v["recordings"][r][k] for v in here]) for k in ("mqe", "mqe low", "mqe high", "share")
-            }
-            over = np.mean([v["recordings"][r]["mqe"] / v["threshold"] for v in here])
-            rows.append({
+            mean = {k: np.mean([v["recordings"][r][k] for v in here]) for k in ("mqe", "mqe low", "mqe high", "share")}
+            yield {
                 "data": TITLES[name], "class": data.classes[data.labels[r]], "bearing": data.bearings[r],
-                "size": data.sizes[r], "speed, rpm": data.speeds_rpm[r], "recording": r, "MQE": values["mqe"],
-                "MQE, 10 %": values["mqe low"], "MQE, 90 %": values["mqe high"], "over threshold": over,
-                "windows in alarm": values["share"],
-            })  # fmt: skip
-    return pd.DataFrame(rows).sort_values(["data", "class", "size", "recording"], ignore_index=True)
+                "size": data.sizes[r], "speed, rpm": data.speeds_rpm[r], "recording": r, "MQE": mean["mqe"],
+                "MQE, 10 %": mean["mqe low"], "MQE, 90 %": mean["mqe high"],
+                "over threshold": np.mean([v["recordings"][r]["mqe"] / v["threshold"] for v in here]),
+                "windows in alarm": mean["share"],
+            }  # fmt: skip
+
+
+def severity(work: Work) -> pd.DataFrame:
+    """MQE of every recording, median of its windows, mean over seeds; of a healthy one by the map of the others, whose
+    threshold is another: `over threshold` is what compares."""
+    return _severities(work).sort_values(["data", "class", "size", "recording"], ignore_index=True)
 
 
 @as_table

@@ -1,9 +1,4 @@
-"""Health indicators of every run: candidates, their criteria, and the choice that other runs make for it.
-
-runs to failure --> features --> candidates (healthy start) --> criteria --> chosen on other runs; fusion feature 9
-"""
-
-from __future__ import annotations
+"""Health indicators of every run: candidates, their criteria, and the choice that other runs make for it."""
 
 import hashlib
 from collections.abc import Mapping, Sequence
@@ -25,8 +20,7 @@ CHOSEN: Final = "chosen on other runs"
 HINDSIGHT: Final = "own end, known in hindsight"
 OTHERS: Final = "median end of other runs"
 INDICATORS: Final = ("rms", CHOSEN, NINE, OFFLINE, KEPT)
-END_ROWS: Final = 5
-"""Records whose mean is the level at a run's end."""
+END_ROWS: Final = 5  # records whose mean is the level at a run's end
 
 
 @dataclass(frozen=True)
@@ -77,17 +71,9 @@ def end_level(values: Array) -> float:
     return float(np.mean(values[-END_ROWS:]))
 
 
-def healthy_level(j: Judged, name: str) -> float:
-    """Mean of an indicator over the healthy beginning."""
-    return float(np.mean(j.series[name][: j.run.healthy_rows]))
-
-
 def limits_of(j: Judged, name: str, found: Sequence[Judged]) -> dict[str, float]:
-    """Levels at which life is taken to end.
-
-    A run's own end is what no one knows before; the median of other runs' ends is what a user has. The latter only for
-    plain features, in healthy standard deviations: the axes of fused ones differ from run to run.
-    """
+    """Levels at which life is taken to end: a run's own end, known in hindsight, and the median of other runs' ends,
+    for plain features alone, since the axes of fused ones differ from run to run."""
     limits = {HINDSIGHT: end_level(j.series[name])}
     feature = j.choice if name == CHOSEN else name
     others = [o for o in found if o is not j and o.run.family == j.run.family]

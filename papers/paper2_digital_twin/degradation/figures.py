@@ -2,11 +2,7 @@
 
 raw run --> 13 waveform, 14 spectral kurtosis;  the paper's run --> 15 fusion features, 16 scatter, 17 indicator,
 18 exponential, 19 combined power;  all runs --> errors on later records
-
-Colours that colour-blind readers tell apart (Okabe and Ito 2008).
 """
-
-from __future__ import annotations
 
 from collections.abc import Iterator
 from typing import Final

@@ -12,15 +12,14 @@ from __future__ import annotations
 import itertools
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, Literal
 
 import numpy as np
 from scipy.signal import lfilter
 
 from papers.arrays import Array
 from papers.paper2_digital_twin.degradation import candidates
-from papers.paper2_digital_twin.degradation.candidates import INDICATORS, Judged
+from papers.paper2_digital_twin.degradation.candidates import INDICATORS
 from papers.paper2_digital_twin.degradation.runs import Reading, StudyRun, study_runs
 from twingap import TwingapError
 from twingap.prognosis.degradation_forecast import TENTHS, out_of_sample, redrawn, remaining_life, rows_until
@@ -49,25 +48,18 @@ class Options(Reading):
     raw_run: str
     indicators: tuple[str, ...]
     primary: tuple[str, ...]
-    error: str
+    error: Literal["rest", "next"]
     interval_level: float
     simulated_rows: int
     simulated_noise: float
     profiles: dict[str, Size]
 
-
-def check(options: Options, path: Path) -> None:
-    """Refuse models, indicators and errors that there are none of."""
-    if len(options.primary) != 2 or not set(options.primary) <= set(MODELS):
-        known = ", ".join(MODELS)
-        raise TwingapError("two models expected", where=f"{path}: primary", mend=f"use two of {known}")
-    if "rms" not in options.indicators or not set(options.indicators) <= set(INDICATORS):
-        raise TwingapError(
-            f"{list(options.indicators)} found", where=f"{path}: indicators",
-            mend=f"use rms and any of {', '.join(INDICATORS[1:])}",
-        )  # fmt: skip
-    if options.error not in ("rest", "next"):
-        raise TwingapError(f"{options.error!r} found", where=f"{path}: error", mend="use rest or next")
+    def __post_init__(self) -> None:
+        if len(self.primary) != 2 or not set(self.primary) <= set(MODELS):
+            raise TwingapError("two models expected", where="primary", mend=f"use two of {', '.join(MODELS)}")
+        if "rms" not in self.indicators or not set(self.indicators) <= set(INDICATORS):
+            mend = f"use rms and any of {', '.join(INDICATORS[1:])}"
+            raise TwingapError(f"{list(self.indicators)} found", where="indicators", mend=mend)
 
 
 @dataclass(frozen=True)
@@ -120,8 +112,7 @@ TRUTHS: Final = {
 }
 """Curves of which simulated runs are made: from 1 to `END` over a life."""
 END: Final = 5.0
-MEMORIES: Final = (0.0, 0.7)
-"""Of the noise of simulated runs."""
+MEMORIES: Final = (0.0, 0.7)  # of the noise of simulated runs
 
 
 def analyse(job: Analysis, series: Series) -> dict[str, Any]:
@@ -216,18 +207,15 @@ def runs(work: Work) -> list[StudyRun]:
     return found
 
 
-def judged(work: Work) -> list[Judged]:
-    return candidates.judge_all(work["runs"], work.options.indicators)
-
-
 def analyses(work: Work) -> Iterator[Analysis]:
-    found = work["judged"]
-    for j in found:
-        for name in j.series:
-            yield Analysis(
-                j.run.name, name, candidates.limits_of(j, name, found), candidates.healthy_level(j, name),
-                work.size.curves, work.options.interval_level, work.seed,
-            )  # fmt: skip
+    for j in work["judged"]:
+        for name, values in j.series.items():
+            limits, healthy = (
+                candidates.limits_of(j, name, work["judged"]),
+                float(np.mean(values[: j.run.healthy_rows])),
+            )
+            level = work.options.interval_level
+            yield Analysis(j.run.name, name, limits, healthy, work.size.curves, level, work.seed)
 
 
 def series(work: Work) -> Inputs:

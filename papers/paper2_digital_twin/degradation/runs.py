@@ -1,11 +1,4 @@
-"""Runs to failure as features along running time: IMS from raw snapshots or feature tables, FEMTO raw, or simulated.
-
-FEMTO, raw IMS --job per bearing--> 15 features [rows, 15], extremes and spectral kurtosis for figures
-IMS feature tables --the columns that correspond--> 8 or 11 features, 4 stand-ins
-                  --pauses cut out of the clock; silent records told apart--> StudyRun
-"""
-
-from __future__ import annotations
+"""Runs to failure as features along running time: IMS from raw snapshots or feature tables, FEMTO raw, or simulated."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -34,11 +27,9 @@ TIME_COLUMNS: Final = {
 is the excess, to which 3 is added."""
 STAND_INS: Final = ("spectral_entropy", "high_freq_ratio", "psd_std", "env_kurtosis")
 """What the tables have of the spectrum, in place of the four of spectral kurtosis, which they lack. Not those."""
-SURROGATES: Final = " (surrogates for spectral kurtosis)"
-"""Said wherever runs with such stand-ins are named."""
+SURROGATES: Final = " (surrogates for spectral kurtosis)"  # said wherever runs with such stand-ins are named
 IMS_SAMPLES: Final = 20_480
-SHOWN_COLUMNS: Final = 300
-"""Columns of the map of spectral kurtosis kept for the figure."""
+SHOWN_COLUMNS: Final = 300  # columns of the map of spectral kurtosis kept for the figure
 
 
 @dataclass(frozen=True)
@@ -116,10 +107,8 @@ class Reading:
 def study_runs(
     ims: Sequence[str], femto: Sequence[str], reading: Reading, root: Path | None, swept: Swept
 ) -> tuple[str, list[StudyRun]]:
-    """All runs at hand, and where they come from.
-
-    Without any, and without a root that the caller named, four simulated runs stand in; their names and source say so.
-    """
+    """All runs at hand, and where they come from; four simulated runs when there are none and the caller named no
+    root."""
     found: list[StudyRun] = []
     missing: list[str] = []
     for name in ims:
@@ -165,10 +154,8 @@ def simulated_runs(count: int = 4, records: int = 150) -> RecordSet:
 
 
 def running_time(time_s: Array) -> Array:
-    """Clock with pauses taken out [rows], s: an interval of more than three times the median counts as the median.
-
-    IMS test 1 stood still for six days in all; a bearing does not wear while it does.
-    """
+    """Clock without pauses [rows], s: an interval of more than three times the median counts as the median (IMS test 1
+    stood still for six days in all)."""
     steps = np.diff(time_s)
     if steps.size == 0:
         return np.zeros(time_s.size)

@@ -1,9 +1,4 @@
-"""Tables of the degradation study.
-
-runs --> runs, fusion9, choice;  analyses --> fits, errors, pairs, lives;  coverage;  all --> claims
-"""
-
-from __future__ import annotations
+"""Tables of the degradation study."""
 
 import itertools
 from collections.abc import Iterator, Sequence
@@ -71,11 +66,8 @@ def runs(found: Sequence[Judged]) -> pd.DataFrame:
 
 @as_table
 def fusion9(found: Sequence[Judged]) -> Rows:
-    """Fusion feature 9 among the fusion features under each reading of how they are made.
-
-    Rank 1 is best. ``later better`` compares the mean sensitivity of fusion features 9 and on with that of 1 to 8;
-    ``number and sensitivity`` is Spearman's correlation of a component's number with its sensitivity.
-    """
+    """Fusion feature 9 among the fusion features under each reading of how they are made; rank 1 is best. ``later
+    better`` compares the mean sensitivity of 9 and on with that of 1 to 8."""
     for j in found:
         r = j.run
         parts = [("left out", r.run)]

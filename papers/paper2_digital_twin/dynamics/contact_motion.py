@@ -1,13 +1,9 @@
 """Motion in the contact model: displacement and velocity of the inner ring.
 
-Job (bearing, parameters, condition, angles) --> kernel, one sample at a time --> x, y, vx, vy at every sample
-
 The kernel of `contact_kernel` hands back a trajectory's state where a call ends. Here every call lasts one sample, so
 that each state is seen; the trajectory is that of one long call, to the bit, because the kernel anchors its recurrences
 anew at every sample. Figures 5 and 6 of paper 2 (a normal bearing settling to balance) are of these quantities.
 """
-
-from __future__ import annotations
 
 from dataclasses import dataclass
 
@@ -28,17 +24,8 @@ class Motion:
 
 
 def motion_of(job: Job, steps: int | None = None) -> Motion:
-    """Integrate a job from rest at the centre, classical RK4 with a fixed step ("ode4"), and keep every sample's state.
-
-    Raises `TwingapError` when the trajectory leaves the range of numbers.
-
-    Parameters
-    ----------
-    job : Job
-        Its `turns` need not increase: a shaft that stands still is a constant.
-    steps : int, optional
-        Internal steps per sample, even; when left out, what the job asks for.
-    """
+    """Integrate a job (whose `turns` need not increase) from rest at the centre by RK4 with a fixed step, `steps` per
+    sample if given, and keep every sample's state. Raises `TwingapError` when it leaves the range of numbers."""
     from twingap.twins.contact_kernel import LANES, integrate  # compiled code: only when it is needed
 
     factor = job.oversampling() if steps is None else steps

@@ -14,7 +14,6 @@ from __future__ import annotations
 import itertools
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, Literal
 
 import numpy as np
@@ -56,29 +55,22 @@ class Options:
     within: float
     profiles: dict[str, Size]
 
+    def __post_init__(self) -> None:
+        expect(self.bearing, BEARINGS, "bearing")
+        for setting, fault in itertools.product(self.settings, self.faults):
+            expect(fault, PRESETS[setting].defect_depth_um, "faults")
+
 
 @dataclass(frozen=True)
 class Case:
     """One bearing at one operating point."""
 
     setting: str
-    bearing: str
     fault: str
     speed_rpm: float
     load_n: float
     clearance_um: float
-    fs_hz: float
     duration_s: float
-    reference_s: float
-    settled_part: float
-    within: float
-
-
-def check(options: Options, path: Path) -> None:
-    """Refuse a bearing or a fault that there is no model of."""
-    expect(options.bearing, BEARINGS, f"{path}: bearing")
-    for setting, fault in itertools.product(options.settings, options.faults):
-        expect(fault, PRESETS[setting].defect_depth_um, f"{path}: faults")
 
 
 def cases(work: Work, faults: tuple[str, ...], duration_s: float) -> Iterator[Case]:
@@ -89,10 +81,7 @@ def cases(work: Work, faults: tuple[str, ...], duration_s: float) -> Iterator[Ca
         loads = size.loads_n if setting == "physical" else (own.load_n,)
         clearances = size.clearances_um if setting == "physical" else (own.clearance_um,)
         for speed_rpm, load_n, clearance_um in itertools.product(size.speeds_rpm, loads, clearances):
-            yield Case(
-                setting, options.bearing, fault, speed_rpm, load_n, clearance_um, options.fs_hz, duration_s,
-                options.reference_s, options.settled_part, options.within,
-            )  # fmt: skip
+            yield Case(setting, fault, speed_rpm, load_n, clearance_um, duration_s)
 
 
 def parameters_of(case: Case) -> ContactParameters:
@@ -101,16 +90,16 @@ def parameters_of(case: Case) -> ContactParameters:
     return replace(own, structure_noise_rms=0.0, white_noise_rms=0.0)
 
 
-def settle(case: Case) -> dict[str, Any]:
+def settle(case: Case, options: Options) -> dict[str, Any]:
     """A healthy bearing from rest at the centre: where and when it settles, its energy, and what SciPy makes of it."""
-    bearing, own = BEARINGS[case.bearing], parameters_of(case)
+    bearing, own, fs_hz = BEARINGS[options.bearing], parameters_of(case), options.fs_hz
     # The cage is at zero angle at the start.
-    samples = round(case.duration_s * case.fs_hz)
-    turns = np.arange(samples, dtype=np.float64) * (case.speed_rpm / 60 / case.fs_hz)
-    condition = Condition(case.setting, case.speed_rpm, case.fs_hz, samples, case.fault, case.load_n)
+    samples = round(case.duration_s * fs_hz)
+    turns = np.arange(samples, dtype=np.float64) * (case.speed_rpm / 60 / fs_hz)
+    condition = Condition(case.setting, case.speed_rpm, fs_hz, samples, case.fault, case.load_n)
     motion = motion_of(Job(bearing, own, condition, turns))
     state = motion.state
-    judged = round((1 - case.settled_part) * motion.t_s.size)
+    judged = round((1 - options.settled_part) * motion.t_s.size)
     late = slice(judged, None)
     # Some two hundred cage angles are enough: the static solution changes slowly and smoothly with it.
     thin = np.arange(0, motion.t_s.size, max(1, motion.t_s.size // 400))
@@ -119,9 +108,9 @@ def settle(case: Case) -> dict[str, Any]:
     size = float(np.hypot(*still.mean(axis=1)))
     cage_hz = bearing.ftf * case.speed_rpm / 60
     total, power = reference.energy(bearing, own, case.load_n, state, motion.cage_turns, cage_hz)
-    work = np.concatenate([[0.0], np.cumsum(0.5 * (power[1:] + power[:-1])) / case.fs_hz])
+    work = np.concatenate([[0.0], np.cumsum(0.5 * (power[1:] + power[:-1])) / fs_hz])
     inside = thin >= judged
-    short = round(case.reference_s * case.fs_hz)
+    short = round(options.reference_s * fs_hz)
     theirs = reference.integrated(bearing, own, case.load_n, motion.t_s[:short], cage_hz)
     apart = np.sqrt(((state[:, :short] - theirs) ** 2).sum(axis=1) / (theirs**2).sum(axis=1))
     return {
@@ -129,7 +118,7 @@ def settle(case: Case) -> dict[str, Any]:
         "mean_x_um": 1e6 * float(state[0, late].mean()), "mean_y_um": 1e6 * float(state[1, late].mean()),
         "still_x_um": 1e6 * float(still[0, inside].mean()), "still_y_um": 1e6 * float(still[1, inside].mean()),
         "most_off_percent": 100 * float(off[inside].max()) / size,
-        "settled_s": settled_at(motion.t_s[thin], off, case.within * size, float(motion.t_s[judged])),
+        "settled_s": settled_at(motion.t_s[thin], off, options.within * size, float(motion.t_s[judged])),
         "energy_residual_percent": 100 * float(np.abs(total - total[0] - work).max() / np.abs(total - total[0]).max()),
         "speed_rms_mm_s": [1e3 * float(state[i, late].std()) for i in (2, 3)],
         "apart_percent": [100 * float(v) for v in apart],
@@ -138,25 +127,22 @@ def settle(case: Case) -> dict[str, Any]:
 
 def settled_at(t_s: Array, off: Array, limit: float, judged_s: float) -> float | None:
     """From when on a ring stays within a limit of the static solution [points]; None where it is away in the judged
-    part.
-
-    Few points near the end say little.
-    """
+    part."""
     away = np.flatnonzero(off > limit)
     if away.size and t_s[away[-1]] >= judged_s:
         return None
     return float(t_s[away[-1] + 1 if away.size else 0])
 
 
-def strike(case: Case) -> dict[str, Any]:
+def strike(case: Case, options: Options) -> dict[str, Any]:
     """A faulty bearing: its record, and the strongest line of its squared envelope spectrum."""
-    bearing = BEARINGS[case.bearing]
-    twin, samples = ContactTwin(bearing, parameters_of(case)), round(case.duration_s * case.fs_hz)
-    condition = Condition(case.fault, case.speed_rpm, case.fs_hz, samples, case.fault, case.load_n)
+    bearing, fs_hz = BEARINGS[options.bearing], options.fs_hz
+    twin, samples = ContactTwin(bearing, parameters_of(case)), round(case.duration_s * fs_hz)
+    condition = Condition(case.fault, case.speed_rpm, fs_hz, samples, case.fault, case.load_n)
     (record,) = twin.simulate([condition], np.random.default_rng(0))
     (healthy,) = twin.simulate([replace(condition, fault="healthy")], np.random.default_rng(0))
     expected = bearing.fault_order(case.fault)
-    spectrum = squared_envelope_spectrum(record.samples, case.fs_hz).in_orders(case.speed_rpm)
+    spectrum = squared_envelope_spectrum(record.samples, fs_hz).in_orders(case.speed_rpm)
     # Half an order is above the cage's own line and below every fault's.
     inside = (spectrum.frequency > 0.5) & (spectrum.frequency < HIGHEST_ORDER)
     lines = np.where(inside, spectrum.values, 0.0)

@@ -1,12 +1,8 @@
 """Reference implementation of the contact model: static Hertz solution, and integration by SciPy.
 
-parameters, cage angle --root finder--> where the ring rests;  the same forces --DOP853--> displacement, velocity
-
 Shares no line with the twin's kernel, so that agreement says something. The healthy bearing alone: what figure 6 of the
 paper took from its reference [32].
 """
-
-from __future__ import annotations
 
 import math
 
@@ -27,10 +23,7 @@ def squeeze(bearing: Bearing, own: ContactParameters, x: float, y: float, cage: 
 
 
 def rest(bearing: Bearing, own: ContactParameters, load_n: float, cage: float) -> tuple[float, float]:
-    """Where the ring rests under its load, m: the root of sum K delta^n e = F, by Powell's hybrid method.
-
-    Raises `TwingapError` when the root finder does not arrive.
-    """
+    """Where the ring rests under its load, m: the root of sum K delta^n e = F, by Powell's hybrid method."""
 
     def residual(at: Array) -> list[float]:
         delta, c, s = squeeze(bearing, own, 1e-6 * at[0], 1e-6 * at[1], cage)
@@ -47,11 +40,8 @@ def rest(bearing: Bearing, own: ContactParameters, load_n: float, cage: float) -
 def energy(
     bearing: Bearing, own: ContactParameters, load_n: float, state: Array, cage: Array, cage_hz: float
 ) -> tuple[Array, Array]:
-    """Energy of the ring (kinetic, elastic, less the load's work), J, and the power that enters it, W [samples].
-
-    Power enters where the cage carries rollers through the load and leaves by damping: dE/dt = P, exactly. `state` is
-    [4, samples], x, y (m), vx, vy (m/s); `cage` its angle [samples], turns, `cage_hz` its speed.
-    """
+    """Energy of the ring (kinetic, elastic, less the load's work), J, and the power that the cage brings in and damping
+    takes out, W [samples]: dE/dt = P, exactly. `state` is [4, samples]; `cage` its angle, turns."""
     total, power = np.empty(cage.size), np.empty(cage.size)
     for i, (x, y, vx, vy) in enumerate(state.T):
         delta, c, s = squeeze(bearing, own, x, y, float(cage[i]))

@@ -14,7 +14,6 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Iterator
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, Literal
 
 import numpy as np
@@ -71,55 +70,38 @@ class Options:
     poor_line: Line
     profiles: dict[str, Size]
 
+    def __post_init__(self) -> None:
+        expect(self.bearing, BEARINGS, "bearing")
+
 
 @dataclass(frozen=True)
 class Scenario:
-    """One machine, and everything that is decided about it."""
+    """One machine."""
 
     seed: int
     drift: float
     hours: float
-    bearing: str
-    preset: str
-    snapshot_period_s: float
-    state_period_s: float
-    snapshot_s: float
-    fs_hz: float
-    lateness_s: float
-    false_alarms: float
-    line: Line
     arms: tuple[str, ...]
-
-
-def check(options: Options, path: Path) -> None:
-    """Refuse a bearing that there is no model of."""
-    expect(options.bearing, BEARINGS, f"{path}: bearing")
 
 
 def drifting(work: Work) -> Iterator[Scenario]:
     """Machines that drift, every arm on each."""
     for seed in range(work.seed, work.seed + work.size.seeds):
-        yield _scenario(work.options, seed, 1.0, work.options.hours, tuple(ARMS))
+        yield Scenario(seed, 1.0, work.options.hours, tuple(ARMS))
 
 
 def steady(work: Work) -> Iterator[Scenario]:
     """Machines that do not, on which every alarm is a false one."""
     for seed in range(work.seed, work.seed + work.size.steady):
-        yield _scenario(work.options, seed, 0.0, work.size.steady_hours, ("live",))
+        yield Scenario(seed, 0.0, work.size.steady_hours, ("live",))
 
 
-def _scenario(options: Options, seed: int, drift: float, hours: float, arms: tuple[str, ...]) -> Scenario:
-    return Scenario(
-        seed, drift, hours, options.bearing, options.preset, options.snapshot_period_s, options.state_period_s,
-        options.snapshot_s, options.fs_hz, options.lateness_s, options.false_alarms, options.poor_line, arms,
-    )  # fmt: skip
+def machine_of(job: Scenario, options: Options) -> Drifting:
+    periods = options.state_period_s, options.snapshot_period_s
+    return Drifting(job.hours, job.drift, *periods, options.snapshot_s, options.fs_hz)
 
 
-def machine_of(job: Scenario) -> Drifting:
-    return Drifting(job.hours, job.drift, job.state_period_s, job.snapshot_period_s, job.snapshot_s, job.fs_hz)
-
-
-def messages_of(job: Scenario, machine: Drifting) -> list[Message]:
+def messages_of(job: Scenario, machine: Drifting, line: Line) -> list[Message]:
     """What the machine's instruments send, as it arrives over the line."""
     course, rng = machine.course(job.seed), np.random.default_rng([job.seed, 17])
     signals = zip(course.time_s, course.temperature_c, course.speed_rpm, course.load_n, strict=True)
@@ -132,14 +114,14 @@ def messages_of(job: Scenario, machine: Drifting) -> list[Message]:
         for i, r in enumerate(machine.records(job.seed))
     ]
     sent = sorted([*states, *snapshots], key=lambda m: (m.time_s, isinstance(m, Snapshot)))
-    _, which = arrivals(np.array([m.time_s for m in sent]), rng, **dataclasses.asdict(job.line))
+    _, which = arrivals(np.array([m.time_s for m in sent]), rng, **dataclasses.asdict(line))
     return [sent[i] for i in which]
 
 
-def live_through(job: Scenario) -> dict[str, Any]:
+def live_through(job: Scenario, options: Options) -> dict[str, Any]:
     """All twins live through the same run; what each made of every snapshot, what it changed and when."""
-    machine = machine_of(job)
-    arrived = messages_of(job, machine)
+    machine = machine_of(job, options)
+    arrived = messages_of(job, machine, options.poor_line)
     # The last vibration and what follows it are kept back, so that the twins can be asked for its spectrum first.
     last = max((m for m in arrived if isinstance(m, Snapshot)), key=lambda m: m.time_s)
     before = [m for m in arrived if m.time_s <= last.time_s and m is not last]
@@ -147,11 +129,9 @@ def live_through(job: Scenario) -> dict[str, Any]:
     out: dict[str, Any] = {"arms": {}}
     for name in job.arms:
         follow, identify = ARMS[name]
-        options = LiveOptions(follow_temperature=follow, reidentify=identify, rate=job.false_alarms)
-        twin = LiveTwin(
-            BEARINGS[job.bearing], PRESETS[job.preset], job.fs_hz, options=options,
-            order=OrderOptions(lateness_s=job.lateness_s),
-        )  # fmt: skip
+        own = LiveOptions(follow_temperature=follow, reidentify=identify, rate=options.false_alarms)
+        order = OrderOptions(lateness_s=options.lateness_s)
+        twin = LiveTwin(BEARINGS[options.bearing], PRESETS[options.preset], options.fs_hz, options=own, order=order)
         for message in before:
             twin.receive(message)
         twin.flush()
@@ -165,7 +145,7 @@ def live_through(job: Scenario) -> dict[str, Any]:
             "judged": {c: judged[c].tolist() for c in ("time_s", "error", "shape")},
             "updates": {c: updates[c].tolist() for c in updates} if len(updates) else {},
             "messages": [[kind, case, n] for (kind, case), n in sorted(twin.journal.counts.items())],
-            "predicted": predicted, "commissioning": options.commissioning,
+            "predicted": predicted, "commissioning": own.commissioning,
         }  # fmt: skip
         band, chance = twin.band, 0.5 / float(np.sqrt(twin.band.averages(last.samples.size)))
     course = machine.course(job.seed)

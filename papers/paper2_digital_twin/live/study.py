@@ -1,29 +1,26 @@
-"""Study of live updating, and its tables.
-
-drifting machines --> errors (arm x phase), targets, messages, cost;  steady machines --> false alarms
-"""
-
-from __future__ import annotations
+"""Study of live updating, its tables, and a figure of one machine's day."""
 
 import re
 from collections import Counter
-from collections.abc import Sequence
-from typing import Final
+from collections.abc import Iterator, Sequence
+from typing import Any, Final
 
 import numpy as np
 import pandas as pd
+from matplotlib.figure import Figure
 
 from papers.arrays import Array
+from papers.figures import subplots
 from papers.framework import Rows, Step, Study, Work, as_table
-from papers.paper2_digital_twin.live import figures, jobs
+from papers.options import as_input
+from papers.paper2_digital_twin.live import jobs
 from papers.paper2_digital_twin.live_twin.twin import WATCHED
-from twingap.rigs.drifting import COOLED, WEARS
+from twingap.rigs.drifting import COOLED, REFILLED, WEARS
 from twingap.sweep import Result
 
 DATA: Final = "virtual machine"
 WHOLE = "after commissioning"
-DRIFT = "under drift"
-"""From the beginning of the wear on, cooling included: the drift scenario of the target."""
+DRIFT = "under drift"  # from the beginning of the wear on, cooling included: the drift scenario of the target
 LAW = "law"
 ALARM = re.compile(rf"({'|'.join(WATCHED)}) drifts ")
 """How the reason of an update begins that an alarm led to, whatever came of it: with no better values it is "kept"."""
@@ -69,11 +66,8 @@ def by_phase(result: Result[jobs.Scenario], arm: str, what: str = "error") -> di
 
 @as_table
 def errors(drifting: Sequence[Result[jobs.Scenario]]) -> Rows:
-    """Relative error of the predicted amplitude spectrum by arm and phase, over machines.
-
-    ``shape`` is what is left when the prediction may be scaled as a whole. ``chance`` is what a perfect twin would
-    show, since a snapshot's own spectrum scatters.
-    """
+    """Relative error of the predicted amplitude spectrum by arm and phase, over machines; ``shape`` after scaling as a
+    whole, ``chance`` that of a perfect twin, since a snapshot's own spectrum scatters."""
     for arm in drifting[0].value["arms"]:
         found = [by_phase(r, arm) for r in drifting]
         shapes = [by_phase(r, arm, "shape") for r in drifting]
@@ -110,11 +104,8 @@ def targets(options: jobs.Options, drifting: Sequence[Result[jobs.Scenario]]) ->
 
 
 def false_alarms(options: jobs.Options, steady: Sequence[Result[jobs.Scenario]]) -> pd.DataFrame:
-    """Alarms of twins whose machine does not drift, against the stated rate; 95 % interval of a Poisson count.
-
-    Every alarm counts, also one that changed nothing.
-    ``held`` is false where the count says that alarms are more frequent than stated.
-    """
+    """Alarms (also those that changed nothing) of twins whose machine does not drift, against the stated rate; 95 %
+    interval of a Poisson count. ``held`` is false where alarms are more frequent than stated."""
     from scipy.stats import chi2
 
     alarms = snapshots = 0
@@ -158,15 +149,81 @@ def _spent(result: Result[jobs.Scenario]) -> list[tuple[float, str]]:
     return list(zip(found.get("seconds", []), found.get("kind", []), strict=True))
 
 
+LINES: Final = {
+    "frozen": ("#444444", "-"),
+    "laws alone": ("#E69F00", "--"),
+    "identification alone": ("#0072B2", "-."),
+    "live": ("#D55E00", "-"),
+}
+TRUTH: Final = "#009E73"
+
+
+def all_figures(work: Work) -> Iterator[tuple[str, Figure]]:
+    yield "live-drift", day(work["drifting"][0])
+
+
+def day(first: Result[jobs.Scenario]) -> Figure:
+    """The first machine's run: what it goes through, and how its twins keep up."""
+    course, arms = first.value["course"], first.value["arms"]
+    figure, panels = subplots((13, 9.5), 2, 2, sharex=True)
+    hours = np.asarray(course["time_s"]) / 3600
+    panels[0, 0].plot(hours, course["temperature_c"], color="#444444", lw=1.2)
+    panels[0, 0].set(ylabel="outer ring (°C)", title="Temperature, as measured")
+    for name, value in arms.items():
+        colour, style = LINES[name]
+        at = np.asarray(value["judged"]["time_s"]) / 3600
+        panels[0, 1].plot(at, value["judged"]["error"], style, color=colour, lw=1.7, label=name)
+    panels[0, 1].axhline(first.value["chance"], color="0.6", lw=1.2, ls=":", label="a perfect twin")
+    panels[0, 1].set(ylabel="relative error of spectra", title="Each snapshot, predicted before it is seen")
+    panels[0, 1].legend()
+    _parameter(panels[1, 0], course, arms, "stiffness", "Contact stiffness")
+    _parameter(panels[1, 1], course, arms, "damping", "Damping")
+    for panel in panels.flat:
+        panel.grid(color="0.9")
+    for panel in panels[1]:
+        panel.set_xlabel("time (h)")
+    hours_of = first.job.hours
+    wears = " to ".join(f"{part * hours_of:.1f}" for part in WEARS)
+    figure.suptitle(
+        f"A virtual machine that warms up, is cooled, wears ({wears} h), gets fresh oil ({REFILLED * hours_of:.1f} h)"
+    )
+    return figure
+
+
+def _parameter(panel: Any, course: Any, arms: Any, name: str, title: str) -> None:
+    """Relative to what each was at commissioning: the twin's absolute values stand for a simpler machine."""
+    at = np.asarray(course["time_s"])
+    begin = 0.0
+    for arm in ("laws alone", "live"):
+        found = arms[arm]["updates"]
+        place = list(found["kind"]).index("commissioning")
+        times, values = (np.asarray(found[column])[place:] for column in ("time_s", f"{name} to"))
+        begin = times[0]
+        colour, style = LINES[arm]
+        panel.step(
+            np.append(times, at[-1]) / 3600, np.append(values, values[-1]) / values[0], style, where="post",
+            color=colour, lw=1.7, label=arm,
+        )  # fmt: skip
+    truth = np.asarray(course[name])
+    reference = truth[int(np.searchsorted(at, begin))]
+    panel.plot(at / 3600, truth / reference, color=TRUTH, lw=2.4, alpha=0.7, label="truth", zorder=1)
+    panel.set(ylabel="over its value at commissioning", title=title)
+    shown = (truth / reference)[at >= begin]
+    panel.set_ylim(0.75 * shown.min(), 1.25 * shown.max())
+    panel.legend()
+
+
 STUDY = Study(
     name="live",
     title="live updating",
     data=DATA,
     options=jobs.Options,
-    check=jobs.check,
-    steps=(Step("drifting", jobs.live_through, jobs.drifting), Step("steady", jobs.live_through, jobs.steady)),
+    steps=(
+        Step("drifting", jobs.live_through, jobs.drifting, as_input),
+        Step("steady", jobs.live_through, jobs.steady, as_input),
+    ),
     tables=all_tables,
     metrics=metrics,
-    figures=figures.all_figures,
+    figures=all_figures,
     headlines=("live-targets", "live-false-alarms"),
 )

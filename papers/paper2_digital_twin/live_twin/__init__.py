@@ -8,8 +8,7 @@ Used in: Paper 2, section 2 (figure 7), a bearing digital twin that is updated b
 from papers.paper2_digital_twin.live_twin.drift import Alarm, DriftDetector, false_alarms, run_length, threshold_for
 from papers.paper2_digital_twin.live_twin.journal import Evaluation, Journal, Update
 from papers.paper2_digital_twin.live_twin.laws import ClearanceLaw, DampingLaw, Laws
-from papers.paper2_digital_twin.live_twin.messages import Message, Snapshot, StateMessage
-from papers.paper2_digital_twin.live_twin.order import OrderOptions, Reorder
+from papers.paper2_digital_twin.live_twin.messages import Message, OrderOptions, Reorder, Snapshot, StateMessage
 from papers.paper2_digital_twin.live_twin.refit import Fit, deviation, refit, relative_error
 from papers.paper2_digital_twin.live_twin.spectrum import Band, MachineState, SpectrumModel
 from papers.paper2_digital_twin.live_twin.twin import LiveOptions, LiveTwin

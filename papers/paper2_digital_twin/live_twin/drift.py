@@ -1,13 +1,9 @@
 """Drift detector: two-sided cumulative sums on several charts, with a false-alarm rate that is computed.
 
-residuals, in standard deviations --> up and down sum of each chart --> above the threshold? --> which, since when
-
 Page's sums (1954, doi:10.1093/biomet/41.1-2.100), S+ = max(0, S+ + z - k), raise an alarm at S > h. Their mean run
 length without drift is found by Brook and Evans' Markov chain (1972, doi:10.1093/biomet/59.3.539). The mean against
 which residuals are taken is itself an average of some snapshots: its error, which lets sums climb, is averaged over.
 """
-
-from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -21,14 +17,10 @@ from scipy.special import ndtr
 
 from twingap import TwingapError
 
-CELLS: Final = 80
-"""States of the Markov chain: run lengths to about one percent."""
-NODES: Final = 16
-"""Of the quadrature over the baseline's error."""
-HIGHEST: Final = 100.0
-"""Threshold, standard deviations, beyond which a detector is of no use."""
-LONGEST: Final = 1e12
-"""Run length, samples, that counts as never."""
+CELLS: Final = 80  # states of the Markov chain: run lengths to about one percent
+NODES: Final = 16  # of the quadrature over the baseline's error
+HIGHEST: Final = 100.0  # threshold, standard deviations, beyond which a detector is of no use
+LONGEST: Final = 1e12  # run length, samples, that counts as never
 
 
 def run_length(threshold: float, allowance: float, offset: float = 0.0) -> float:
@@ -44,10 +36,8 @@ def run_length(threshold: float, allowance: float, offset: float = 0.0) -> float
 
 
 def false_alarms(threshold: float, allowance: float, charts: int, baseline: int | None = None) -> float:
-    """Alarms per sample of two-sided charts without drift, at most: they are added up, as if none coincided.
-
-    `baseline` samples make the mean in use; None: the mean is known.
-    """
+    """Alarms per sample of two-sided charts without drift, at most: added up as if none coincided. `baseline` samples
+    make the mean in use; None: it is known."""
     if baseline is None:
         return 2 * charts / run_length(threshold, allowance)
     nodes, weights = np.polynomial.hermite_e.hermegauss(NODES)
@@ -89,17 +79,8 @@ class Alarm:
 
 
 class DriftDetector:
-    """Two-sided charts, by name.
-
-    Parameters
-    ----------
-    rate : float
-        False alarms per sample, all charts together.
-    allowance : float
-        k, standard deviations: half the drift that should be found soonest.
-    baseline : int, optional
-        Samples behind the mean against which residuals are taken.
-    """
+    """Two-sided charts, by name: `rate` false alarms per sample, all together; `allowance` k, standard deviations, half
+    the drift that should be found soonest; `baseline` samples behind the mean, if it is not known."""
 
     def __init__(
         self, charts: Sequence[str], rate: float = 0.002, allowance: float = 1.0, baseline: int | None = None

@@ -1,7 +1,5 @@
 """Journal of a live twin: updates with reasons, evaluated snapshots, and what became of messages."""
 
-from __future__ import annotations
-
 from collections import Counter, deque
 from dataclasses import asdict, dataclass, field
 from typing import Any, Final, Literal
@@ -11,8 +9,7 @@ import pandas as pd
 Kind = Literal["law", "commissioning", "drift", "following", "kept"]
 """law: clearance and damping followed temperature. commissioning, drift, following: stiffness, damping and levels were
 identified anew. kept: they should have been, and were not; `why` says the reason."""
-CAPACITY: Final = 100_000
-"""Updates and evaluations that are kept, the last of each."""
+CAPACITY: Final = 100_000  # updates and evaluations that are kept, the last of each
 
 
 @dataclass(frozen=True)

@@ -1,10 +1,4 @@
-"""Laws of clearance and damping with temperature.
-
-temperature --> inner ring warmer than outer ring --> clearance
-            --> oil viscosity (Walther) -----------> damping of the film, beside damping that stays
-"""
-
-from __future__ import annotations
+"""Laws of clearance and damping with temperature."""
 
 import math
 from dataclasses import dataclass

@@ -1,13 +1,9 @@
 """Fit of stiffness, damping and levels to snapshots by least squares on amplitude spectra.
 
-measured amplitudes, states --> residuals, slopes --> Levenberg-Marquardt step in logarithms --> better? --> again
-
 The error is the one that paper 3 names for identification (section 2.2: root-mean-square error of spectra), relative to
 the measured spectrum. A local search is enough where the twin has been right a short while ago; a few steps, each one
 call of the kernel, make an update.
 """
-
-from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -23,8 +19,7 @@ BIN_CORRELATION: Final = 1.94
 """1 + 2 (4/9 + 1/36): by how much Hann's neighbouring bins, being correlated, raise the variance of a sum over bins."""
 FURTHEST: Final = np.array([0.25, 0.7, 0.7, 1.5])
 """Longest step in the logarithms of stiffness, damping, force level and white noise."""
-GAIN: Final = 1e-3
-"""Least part by which a step has to lower the error for the fit to go on."""
+GAIN: Final = 1e-3  # least part by which a step has to lower the error for the fit to go on
 
 
 @dataclass(frozen=True)
@@ -43,11 +38,8 @@ def relative_error(measured: Sequence[Array], predicted: Sequence[Prediction]) -
 
 
 def deviation(measured: Array, predicted: Prediction, averages: float) -> tuple[Array, Array]:
-    """By how much the logarithms of `FREE` seem to be off, from one snapshot, and the scatter that chance gives it [4].
-
-    The least-squares step, and the roots of its covariance's diagonal: an averaged periodogram's root has the variance
-    P / (4 averages).
-    """
+    """The least-squares step [4] in the logarithms of `FREE` from one snapshot, and the scatter that chance gives it:
+    an averaged periodogram's root has the variance P / (4 averages)."""
     slopes = predicted.slopes
     inverse = np.linalg.pinv(slopes @ slopes.T, rcond=1e-10, hermitian=True)
     offset = inverse @ (slopes @ (measured - predicted.amplitude))
@@ -61,22 +53,11 @@ def refit(
     evaluations: int = 4, bounds: tuple[Array, Array] | None = None, rolling: Sequence[Array] | None = None,
     known: Sequence[Prediction | None] | None = None,
 ) -> Fit:  # fmt: skip
-    """Fit the twin to snapshots; done when a step lowers the error by less than `GAIN`.
+    """Fit the twin to snapshots (amplitude spectra [bins] and their states) from theta [4] on, with at most so many
+    calls of the model; done when a step lowers the error by less than `GAIN`.
 
-    Parameters
-    ----------
-    theta : Array [4]
-        Where the twin stands.
-    measured, states : sequence of Array [bins], of MachineState
-        Amplitude spectra, and the states in which they were taken.
-    evaluations : int
-        Most calls of the model.
-    bounds : (Array [4], Array [4]), optional
-        Of theta.
-    rolling : sequence of Array [bins], optional
-        PSDs of the rollers for each snapshot, to be held; see `SpectrumModel.predict`.
-    known : sequence of Prediction or None, optional
-        For each snapshot what has been predicted of it before, here or elsewhere. Ignored where `rolling` is given.
+    `bounds` are of theta; `rolling` are PSDs of the rollers to be held (see `SpectrumModel.predict`); `known` is what
+    has been predicted of each snapshot before, unless `rolling` is given.
     """
     low, high = bounds if bounds is not None else (np.full(4, -np.inf), np.full(4, np.inf))
     here = np.clip(theta, low, high)

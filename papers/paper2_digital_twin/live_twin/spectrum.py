@@ -32,17 +32,14 @@ from twingap.twins.contact_parameters import DEFECTS, ContactParameters
 
 FREE: Final = ("stiffness", "damping", "force_level", "white_noise")
 """What is identified anew; the model works with their logarithms. The first three are watched for drift."""
-STEP: Final = 0.02
-"""Of the central differences, in the logarithms of stiffness and damping."""
+STEP: Final = 0.02  # of the central differences, in the logarithms of stiffness and damping
 NEAR: Final = np.array([0.01, 0.05])
 """How far stiffness and damping (logarithms) may move before the rollers' part is differentiated anew. Slopes carried
 so far differ from fresh ones by up to a sixth (defective 6205 at 1800 rpm): a step of a fit hardly turns."""
 RESOLUTION_HZ: Final = 12.0
 """Aimed distance of two bins: a third of the half width of a mode of 2 % damping at 2 kHz."""
-REFERENCE_RPM: Final = 1800.0
-"""Speed at which `force_level` holds."""
-SEGMENTS: Final = 1.5
-"""Length of a simulated trajectory, in segments: two that overlap by half."""
+REFERENCE_RPM: Final = 1800.0  # speed at which `force_level` holds
+SEGMENTS: Final = 1.5  # length of a simulated trajectory, in segments: two that overlap by half
 QUIET: Final = 0.05
 """Rollers that make less than this part of the power in the band are not integrated again while a fit goes on."""
 
@@ -114,15 +111,8 @@ class Prediction:
 
 
 class SpectrumModel:
-    """Spectra of the contact twin over states and parameters.
-
-    Parameters
-    ----------
-    parameters : ContactParameters
-        What is not free, and clearance at the reference temperature.
-    follow : bool
-        Whether clearance and damping follow temperature.
-    """
+    """Spectra of the contact twin over states and parameters, of which `parameters` give what is not free and the
+    clearance at the reference temperature; `follow`: whether clearance and damping follow temperature."""
 
     def __init__(self, bearing: Bearing, parameters: ContactParameters, laws: Laws, *, follow: bool) -> None:
         self.bearing, self.parameters, self.laws, self.follow = bearing, parameters, laws, follow
@@ -157,19 +147,12 @@ class SpectrumModel:
         self, theta: Array, states: Sequence[MachineState], band: Band, *, slopes: bool = True,
         rolling: Sequence[Array] | None = None, near: Sequence[Prediction | None] | None = None,
     ) -> list[Prediction]:  # fmt: skip
-        """Amplitude spectra at theta [4] in these states, all integrated at once.
+        """Amplitude spectra at theta [4] in these states, all integrated at once, with derivatives if wanted
+        (`slopes`).
 
-        Raises `TwingapError` when the twin cannot be simulated at these parameters.
-
-        Parameters
-        ----------
-        slopes : bool
-            Whether derivatives are wanted; they are 0 otherwise.
-        rolling : sequence of Array [bins], optional
-            PSDs of the rollers, known from a point nearby; they are then held and not integrated.
-        near : sequence of Prediction or None, optional
-            For the same states at another point: where that is `NEAR`, the rollers' part is integrated at `theta`
-            alone, and how it turns with stiffness and damping carried over.
+        `rolling` are PSDs of the rollers [bins] from a point nearby, to be held; where a prediction in `near` is
+        `NEAR`, the rollers' part is integrated at `theta` alone and how it turns with stiffness and damping carried
+        over. Raises `TwingapError` when the twin cannot be simulated at these parameters.
         """
         # Without slopes the middle alone; with them stiffness and damping are shifted both ways.
         shifts = np.zeros((5 if slopes else 1, 4))
@@ -202,12 +185,9 @@ class SpectrumModel:
         return out
 
     def _push(self, mode: Mode, state: MachineState, fs_hz: float) -> float:
-        """RMS of the white force's samples for a level of 1.
-
-        A force of density G^(1/2) on mass m makes an acceleration whose resonant part rings with w G^(1/2): the impulse
-        response of unit gain is multiplied by w. White samples of RMS s have the density s^2 2 / fs. Nothing pushes a
-        machine that stands still, whatever the power of speed.
-        """
+        """RMS of the white force's samples for a level of 1: density G^(1/2) on the mass makes an acceleration that
+        rings with w G^(1/2); white samples of RMS s have the density s^2 2 / fs. Nothing pushes a machine at
+        standstill."""
         if not state.speed_rpm > 0:
             return 0.0
         speed = (state.speed_rpm / REFERENCE_RPM) ** self.laws.speed_power

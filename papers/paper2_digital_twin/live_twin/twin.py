@@ -12,8 +12,6 @@ stand behind the new values; then the detector watches again. A machine that sta
 snapshots are counted and left out.
 """
 
-from __future__ import annotations
-
 import time
 from collections import deque
 from collections.abc import Iterable
@@ -26,8 +24,14 @@ from papers.arrays import Array
 from papers.paper2_digital_twin.live_twin.drift import Alarm, DriftDetector, threshold_for
 from papers.paper2_digital_twin.live_twin.journal import Evaluation, Journal, Kind, Update
 from papers.paper2_digital_twin.live_twin.laws import Laws
-from papers.paper2_digital_twin.live_twin.messages import Message, Snapshot, StateMessage, kind_of
-from papers.paper2_digital_twin.live_twin.order import OrderOptions, Reorder
+from papers.paper2_digital_twin.live_twin.messages import (
+    Message,
+    OrderOptions,
+    Reorder,
+    Snapshot,
+    StateMessage,
+    kind_of,
+)
 from papers.paper2_digital_twin.live_twin.refit import Fit, deviation, refit, relative_error
 from papers.paper2_digital_twin.live_twin.spectrum import FREE, Band, MachineState, Prediction, SpectrumModel
 from twingap import Bearing, TwingapError
@@ -36,8 +40,7 @@ from twingap.twins.contact_parameters import ContactParameters
 WATCHED = FREE[:3]
 STARTS: Final = (0.0, -0.7, 0.7, -1.4, 1.4)
 """Added to the logarithm of the stiffness that the twin was given, at commissioning."""
-FILM_SHARES: Final = (0.8, 0.6, 0.4, 0.2, 0.0, 1.0)
-"""Tried at commissioning, at the reference temperature."""
+FILM_SHARES: Final = (0.8, 0.6, 0.4, 0.2, 0.0, 1.0)  # tried at commissioning, at the reference temperature
 
 
 @dataclass(frozen=True)
@@ -86,18 +89,9 @@ class _Seen:
 
 
 class LiveTwin:
-    """A contact twin that is updated from messages; the same messages in the same order make the same twin.
-
-    What it did and why stands in `journal`. Raises `TwingapError` for a band that is too narrow, and for a rate and an
-    allowance that no threshold of the detector goes with.
-
-    Parameters
-    ----------
-    parameters : ContactParameters
-        Where it starts: as identified, or a preset. Damping and clearance are those at `laws.reference_c`.
-    fs_hz : float
-        Of the snapshots.
-    """
+    """A contact twin that is updated from messages, the same for the same messages in the same order; `journal` says
+    what it did and why. It starts from `parameters`, which hold at `laws.reference_c`. Raises `TwingapError` for too
+    narrow a band, and for a rate and an allowance that no threshold of the detector goes with."""
 
     def __init__(
         self, bearing: Bearing, parameters: ContactParameters, fs_hz: float, *, laws: Laws | None = None,
@@ -132,10 +126,8 @@ class LiveTwin:
 
     @property
     def parameters(self) -> ContactParameters:
-        """Of the contact twin, now: without structure noise while the machine stands still.
-
-        Raises `TwingapError` before the first state of a running machine.
-        """
+        """Of the contact twin, now; without structure noise at standstill. `TwingapError` before the first running
+        state."""
         if self._state is None or self._theta is None:
             raise self._not_started()
         return self.model.at(self._theta, self._state, self.band.fs_hz)
@@ -147,11 +139,8 @@ class LiveTwin:
         return self.model.predict(self._theta, [state], self.band, slopes=False)[0].amplitude
 
     def receive(self, message: Message) -> list[Update]:
-        """Take a message as it arrives, whatever its order, and say what it led to; most lead to nothing.
-
-        Raises `TwingapError` when a message that the buffer let go could not be acted on. Those let go with it have
-        been, and what they led to is in the journal.
-        """
+        """Take a message as it arrives, whatever its order, and say what it led to. Raises `TwingapError` when one that
+        the buffer let go could not be acted on, after the others have been."""
         return self._act_on(self._buffer.push(message))
 
     def flush(self) -> list[Update]:
@@ -214,7 +203,9 @@ class LiveTwin:
         seen = _Seen(self.band.amplitude(snapshot.samples), state, self.band.averages(snapshot.samples.size))
         (predicted,) = self.model.predict(self._theta, [state], self.band)
         off, chance = deviation(seen.amplitude, predicted, seen.averages)
-        error, shape = relative_error([seen.amplitude], [predicted]), _shape_error(seen.amplitude, predicted.amplitude)
+        error, a, b = relative_error([seen.amplitude], [predicted]), seen.amplitude, predicted.amplitude
+        # Under the best common factor: the sine of the angle between the two spectra.
+        shape = float(np.sqrt(max(1 - float(a @ b) ** 2 / float((a @ a) * (b @ b)), 0.0)))
         self.journal.evaluations.append(Evaluation(snapshot.time_s, error, shape))
         held = predicted.rolling if predicted.quiet else None
         self._recent.append(replace(seen, rolling=held, predicted=predicted))
@@ -358,12 +349,6 @@ class LiveTwin:
 
     def _new_detector(self, baseline: int) -> DriftDetector:
         return DriftDetector(WATCHED, self.options.rate, self.options.allowance, baseline)
-
-
-def _shape_error(measured: Array, predicted: Array) -> float:
-    """Relative error under the best common factor: the sine of the angle between the two spectra."""
-    along = float(measured @ predicted) ** 2 / float((measured @ measured) * (predicted @ predicted))
-    return float(np.sqrt(max(1 - along, 0.0)))
 
 
 def _held(seen: list[_Seen]) -> list[Array] | None:

@@ -1,24 +1,10 @@
 """Choice of a method of diagnosis by how many fault records are labelled, with the reason.
 
-labelled records of each fault, healthy records --> network from the twin | network, corrected | SVM | SOM-MQE
-
 Paper 2 names three regimes (section 3.2.4): sufficient fault data, SOM-MQE; a small amount, SVM; little or none, the
 network trained on the twin. It gives no number. `Thresholds` come from `papers.paper2_digital_twin.availability`, whose
-table of crossing points says where they lie after a full run; for another machine measure them again. Recordings of
-CWRU called right, other recordings of the same bearings being labelled (five seeds):
-
-records of each fault      0      1      2      5     10     50
-network from the twin   74 %   85 %   91 %   97 %   98 %   99 %    corrected by `fit_residual_head`
-SVM                             68 %   81 %   95 %   97 %   99 %
-SOM-MQE, map a class            73 %   79 %   98 %  100 %  100 %
-
-So one label helps at once, and nothing passes the corrected network by more than luck: maps, from five records on, by
-half a point to a point and a half, here alone. On HIT-SM it is right in 97 to 100 %, maps in 90 to 98 %. Where the
-labels are of other bearings, neither SVM nor maps learn CWRU from any number of them (62 to 70 %, the network 82 to
-84 %): more labels are no reason to leave the twin. Hence neither is chosen unless a threshold is given.
+table of crossing points says where they lie after a full run: one label helps at once, and nothing passes the corrected
+network by more than luck. Hence neither SVM nor maps are chosen unless a threshold is given.
 """
-
-from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -49,18 +35,8 @@ def choose(
     n_labelled_per_class: Mapping[str, int] | int, n_healthy_windows: int = 0, *,
     false_alarm: float = 0.01, thresholds: Thresholds | None = None,
 ) -> Choice:  # fmt: skip
-    """Choose a method by what is labelled.
-
-    Parameters
-    ----------
-    n_labelled_per_class : mapping or int
-        Fault -> labelled records of it (an entry for every fault to be classified, 0 where there is none); or one
-        number for all.
-    n_healthy_windows : int
-        Windows of healthy vibration.
-    false_alarm : float
-        Wanted false-alarm rate.
-    """
+    """Choose a method by the labelled records of each fault (0 where there is none; or one number for all), the windows
+    of healthy vibration, and the wanted false-alarm rate."""
     counts = {"each fault": n_labelled_per_class} if isinstance(n_labelled_per_class, int) else n_labelled_per_class
     if not counts or min(counts.values()) < 0 or n_healthy_windows < 0:
         raise TwingapError(f"{dict(counts)} labelled records, {n_healthy_windows} healthy windows", where="choose",

@@ -1,10 +1,4 @@
-"""Hand-made features of a bearing's condition, for methods that learn from few records.
-
-windows --time-domain shape, level in bands--> window features --mean over a piece--+
-pieces --order spectra of all carriers (`scalograms`)--> fault lines --+--> piece features
-"""
-
-from __future__ import annotations
+"""Hand-made features of a bearing's condition, for methods that learn from few records."""
 
 from collections.abc import Callable
 from itertools import pairwise
@@ -18,8 +12,7 @@ from papers.paper2_digital_twin.methods.scalograms import ImageOptions, Modulati
 from twingap import Bearing
 from twingap.signal.features import time_features
 
-BANDS: Final = 8
-"""Equal bands from 0 to half the sampling rate."""
+BANDS: Final = 8  # equal bands from 0 to half the sampling rate
 SHAPES: Final = ("kurtosis", "crest_factor", "shape_factor", "impulse_factor", "clearance_factor")
 FAULTS: Final = ("inner", "outer", "ball")
 WINDOW_FEATURES: Final = (
@@ -31,15 +24,11 @@ _HARMONICS = 2
 
 
 def window_features(x: Array, level: Callable[..., Any] = np.mean) -> Array:
-    """`WINDOW_FEATURES` [windows, features] of windows x [windows, samples]: level, shape and level in bands.
+    """`WINDOW_FEATURES` [windows, features] of windows x [windows, samples] without mean: logarithms of level, shape
+    and level in bands, since a fault multiplies them, and so does a machine's size.
 
-    As natural logarithms: a fault multiplies them, and so does a machine's size. The mean is taken out.
-
-    Parameters
-    ----------
-    level : callable
-        Of the power of a band's lines. The median passes over tones, electrical ones for instance, which a bearing does
-        not make and load or speed change; what impacts excite is broad and moves it as it moves the mean.
+    `level` is of the power of a band's lines; the median passes over (electrical) tones and moves with what impacts
+    excite.
     """
     centred = x - x.mean(axis=-1, keepdims=True)
     tiny = np.finfo(np.float64).tiny
@@ -52,11 +41,8 @@ def window_features(x: Array, level: Callable[..., Any] = np.mean) -> Array:
 
 
 def line_features(found: Modulation, bearing: Bearing, options: ImageOptions) -> Array:
-    """How far each fault's order stands out, and how restless the envelope is at no order in particular [pieces, 4].
-
-    For inner race, outer race and ball the largest log10 prominence of the first harmonics, mean over the two carriers
-    in which it is largest; then the same mean of the rows' median over Gaussian noise.
-    """
+    """How far each fault's order stands out (log10 prominence of harmonics, mean over the two carriers in which it is
+    largest), and the same mean of the rows' median over Gaussian noise [pieces, 4]."""
     lines, orders = found.lines, options.orders
     floor = np.median(lines, axis=-1)
     columns = []

@@ -1,12 +1,8 @@
 """Support vector machine for few labelled records, its settings chosen by grouped cross-validation.
 
-labelled features, recordings --> [scale -> SVM] x settings --folds without a shared recording--> best --> classifier
-
 Two pieces of one recording are nearly the same: a fold that holds one and trains on the other shows nothing, and a
 scaler fitted before the split has seen the answer's size. Neither can happen here.
 """
-
-from __future__ import annotations
 
 from dataclasses import dataclass
 from typing import Any, Final

@@ -1,14 +1,10 @@
 """An Inception-style network for small images, trained on simulated ones.
 
-image [channels, carriers, orders] --stem, inception x 3--> maps --mean and max over carriers, orders kept--> logits
-
 Each block has the four branches of Szegedy et al. 2015 (DOI 10.1109/CVPR.2015.7298594): 1x1; 1x1 then 3x3; 1x1 then
 5x5, made of two 3x3 as in Inception V3 (DOI 10.1109/CVPR.2016.308), which paper 2 names; pooling then 1x1. The 1x1
 bottlenecks keep it small. V3 itself expects 299 x 299 photographs and 24 million weights; a twin's images are 16 x 96.
 Carriers are pooled away in the end, since resonances lie elsewhere on every machine; orders keep their places.
 """
-
-from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -45,11 +41,9 @@ class InceptionBlock(nn.Module):
 
 
 class InceptionNet(nn.Module):
-    """Stem, three blocks, one linear classifier; normalised by groups of channels within an image, not by batch.
-
-    `shape` is channels, carriers (8 or more) and orders (16 or more) of an image; `width` is that of the branches of
-    the first block, and the others have twice as much.
-    """
+    """Stem, three blocks, one linear classifier; normalised by groups of channels within an image. `shape` is channels,
+    carriers (8 or more), orders (16 or more); `width` that of the first block's branches, later ones have twice as
+    much."""
 
     def __init__(self, shape: tuple[int, int, int], n_classes: int, width: int = 6) -> None:
         super().__init__()
@@ -87,11 +81,8 @@ class InceptionTraining:
 def train_inception(
     source: Images, labels: Labels, n_classes: int, settings: InceptionTraining, seed: int
 ) -> list[State]:
-    """Train on labelled (simulated) images: weights at the checkpoints; same seed, same bytes.
-
-    Every image is shown, each time, with its carriers moved by up to two rows and its level channel raised or lowered
-    by a little: where a resonance lies and how loud a mounting is must not matter.
-    """
+    """Train on labelled (simulated) images: weights at the checkpoints; same seed, same bytes. Carriers are moved by up
+    to two rows and the level is varied: where a resonance lies and how loud a mounting is must not matter."""
     with reproducible(seed):
         net = InceptionNet(source.shape[1:], n_classes, settings.width)
         optimiser = torch.optim.AdamW(net.parameters(), lr=settings.learning_rate, weight_decay=settings.weight_decay)

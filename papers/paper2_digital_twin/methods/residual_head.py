@@ -1,16 +1,11 @@
 """Correction of a trained network near labelled records, by a Gaussian process.
 
-network --log probabilities x trust--> mean ---+
-features of records --squared exponential--> Gaussian process about it --labelled records--> logits --> probabilities
-
 A network from a twin is wrong about one machine in ways that its own weights cannot unlearn: a ball that shows the
 inner race's line is, as an image, an inner race. The process works on features that the network does not see. Near
 labelled records it follows them; far from all of them its mean, the network, is what is left. Rasmussen and Williams,
 Gaussian Processes for Machine Learning (MIT Press 2006), sections 2.7 (mean functions) and 3.5 (softmax, maximum of the
 posterior).
 """
-
-from __future__ import annotations
 
 from dataclasses import dataclass
 from typing import Final
@@ -23,10 +18,8 @@ from scipy.special import log_softmax, softmax
 
 from papers.arrays import Array
 
-JITTER: Final = 1e-6
-"""Of the variance, added to the covariance's diagonal."""
-STEPS: Final = 500
-"""Of the search for the maximum, at most; the problem is convex."""
+JITTER: Final = 1e-6  # of the variance, added to the covariance's diagonal
+STEPS: Final = 500  # of the search for the maximum, at most; the problem is convex
 
 
 @dataclass(frozen=True)
@@ -58,18 +51,8 @@ class ResidualHead:
 def fit_residual_head(
     logits: Array, features: Array, labels: NDArray[np.int64], reference: Array, options: HeadOptions | None = None
 ) -> ResidualHead:
-    """Fit to labelled records; the same for the same records.
-
-    Parameters
-    ----------
-    logits : Array [labelled, classes]
-        Of the network, which must not have learnt from these records: where it has, it looks right and is left alone.
-    features : Array [labelled, features]
-    labels : NDArray[int64] [labelled]
-        Each class weighs alike, as much as the median class has records: those at hand are not how often faults are.
-    reference : Array [records, features]
-        Records of the machine that set the features' scale, labelled or not.
-    """
+    """Fit to labelled records: the network's logits [labelled, classes], which must not have learnt from them, features
+    [labelled, features] and labels, each class of the same weight; `reference` [records, features] sets the scale."""
     own = options or HeadOptions()
     mean, scale = reference.mean(axis=0), reference.std(axis=0)
     scale = np.where(scale > 0, scale, 1.0)

@@ -1,12 +1,5 @@
 """Wavelet images in which a bearing fault looks alike on every machine: carrier frequency by envelope order.
 
-x [pieces, samples] --wavelet scalogram--> |W|^2 of each carrier --spectrum over the shaft's angle--> lines
-                                                |                                                      |
-                                            level of each carrier                       over Gaussian noise, over floor
-                                                +--- over that of the healthy machine ---+-------------+
-                                                                                         v
-                                                                     image [3, carriers, orders]
-
 A scalogram as it is shows ringing at the machine's own resonances: what one machine taught is wrong on the next. The
 spectrum of each of its rows, over orders, shows what repeats: an outer-race defect at BPFO, an inner-race one at BPFI
 between side lines of the shaft, whatever resonance carries them; a network that moves along carriers need not know
@@ -35,8 +28,7 @@ CHANNELS = 3
 _WAVELET = 1.0
 """Bandwidth parameter B of the Morlet wavelet, centre 1: relative bandwidth 0.16, so that rows know modulations up to a
 third of their carrier."""
-_FLOOR_ORDERS = 1.0
-"""Half width of the stretch whose median is the floor."""
+_FLOOR_ORDERS = 1.0  # half width of the stretch whose median is the floor
 
 
 @dataclass(frozen=True)
@@ -89,10 +81,7 @@ def pieces_of(x: Array, length: int) -> Array:
 
 
 def modulation(x: Array, fs_hz: float, speed_rpm: float, options: ImageOptions) -> Modulation:
-    """Scalogram of each piece x [pieces, samples] and the order spectrum of each of its rows.
-
-    A piece that is shorter than `options.turns` shows the same orders, with less resolution; longer ones are refused.
-    """
+    """Scalogram of each piece x [pieces, samples] and the order spectrum of each of its rows."""
     full = options.piece_samples(fs_hz, speed_rpm)
     if x.shape[-1] > full:
         raise TwingapError(f"pieces of {x.shape[-1]} samples, at most {full} expected", where="modulation")
@@ -113,12 +102,8 @@ def modulation(x: Array, fs_hz: float, speed_rpm: float, options: ImageOptions) 
 
 
 def images(found: Modulation, healthy_power: Array, options: ImageOptions) -> Images:
-    """What the network sees [pieces, 3, carriers, orders], beside the level of the carriers of the same machine in good
-    order.
-
-    log10 of: lines over Gaussian noise; lines over the median of their row around them; level over the baseline, the
-    same in all columns.
-    """
+    """What the network sees [pieces, 3, carriers, orders], log10 of: lines over Gaussian noise; lines over the median
+    of their row around them; level over that of the same machine in good order, the same in all columns."""
     lines = np.maximum(found.lines, 1e-6)
     width = 2 * round(_FLOOR_ORDERS * options.turns) + 1
     floor = ndimage.median_filter(lines, size=(1, 1, width), mode="nearest")
@@ -133,20 +118,11 @@ def images(found: Modulation, healthy_power: Array, options: ImageOptions) -> Im
 
 
 def scalogram(x: ArrayLike, fs_hz: float, frequencies_hz: ArrayLike, *, bandwidth: float = 1.5) -> Array:
-    """Modulus of the continuous wavelet transform with the complex Morlet wavelet [..., frequencies, samples].
+    """Modulus of the continuous wavelet transform of x [..., samples] with the complex Morlet wavelet (PyWavelets'
+    ``cmorB-1``, B the bandwidth) at rows of `frequencies_hz` [..., frequencies, samples].
 
-    Peak amplitude, unit of x: a tone of amplitude A reads A in its row, away from the record's ends.
-
-    Parameters
-    ----------
-    x : array_like [..., samples]
-        The mean is not taken out.
-    frequencies_hz : array_like [frequencies]
-        Above 0 and below half the rate `fs_hz`. Close to half the rate amplitudes read low, as part of the wavelet's
-        band lies beyond it (2 % at 0.4 of the rate with the default, 38 % at 0.45).
-    bandwidth : float
-        Of PyWavelets' ``cmorB-1``, exp(-t^2 / B) exp(2 pi j t) / sqrt(pi B): more of it resolves frequency better and
-        time worse.
+    Peak amplitude, unit of x, whose mean is not taken out: a tone of amplitude A reads A in its row, away from the
+    record's ends; less close to half the rate (2 % at 0.4 of the rate with the default, 38 % at 0.45).
     """
     import pywt
 

@@ -1,10 +1,5 @@
 """Self-organising maps: severity without a fault label, and the class of the nearest map.
 
-healthy features --held out in turn--> map of the others -> MQE --> threshold of a stated false-alarm rate
-       |                                                                    |
-       +--> map of all ----------------------------> MQE of a new window -> alarm?  how bad?
-labelled features --of each class--> map ----------> least MQE of a new record --> class
-
 The map (Kohonen 1990, DOI 10.1109/5.58325) is a grid of units spread over the features; MQE(x), the minimum
 quantisation error, is the distance from x to its best matching unit (Qiu, Lee, Lin and Yu 2003, DOI
 10.1016/j.aei.2004.08.001), as in paper 2. The paper gives no threshold. Here it is a conformal one (Vovk, Gammerman and
@@ -13,8 +8,6 @@ distribution of the features. Paper 2 uses SOM-MQE where fault data are plenty, 
 3.2.4), and says of severity alone how. A map a class is the reading taken for identification; of one record a class it
 is the nearest neighbour.
 """
-
-from __future__ import annotations
 
 import math
 from dataclasses import dataclass
@@ -51,10 +44,8 @@ class FeatureMap:
     spread: Array
 
     def mqe(self, features: Array) -> Array:
-        """Distance of each window [windows, features] from its best matching unit [windows]; 0 on a unit.
-
-        In standard deviations of the training features (Euclidean over features).
-        """
+        """Distance of each window [windows, features] from its best matching unit [windows], in standard deviations of
+        the training features; 0 on a unit."""
         x = (np.atleast_2d(features) - self.centre) / self.spread
         square = (x**2).sum(axis=1)[:, None] - 2 * x @ self.weights.T + (self.weights**2).sum(axis=1)
         # The expanded square loses digits close to a unit: the distance itself is taken from the unit that it names.
@@ -65,19 +56,9 @@ class FeatureMap:
 def fit_map(
     features: Array, options: MapOptions, rng: np.random.Generator, scaling: tuple[Array, Array] | None = None
 ) -> FeatureMap:
-    """Train a map on windows of one state.
-
-    With fewer windows than units, the grid shrinks until it has no more units than windows. Raises `TwingapError` for
-    features that are not finite.
-
-    Parameters
-    ----------
-    features : Array [windows, features]
-    rng : numpy.random.Generator
-        Drawn from once, for the order of the windows.
-    scaling : (Array, Array) or None
-        Centre and spread [features]; those of `features` when None. Maps that are compared need a common one.
-    """
+    """Train a map on windows [windows, features] of one state; a smaller grid where it would have more units than
+    windows. `scaling` is centre and spread [features], in common for maps that are compared. Raises `TwingapError` for
+    features that are not finite."""
     x = np.atleast_2d(np.asarray(features, dtype=np.float64))
     if x.size == 0 or not np.isfinite(x).all():
         raise TwingapError("features are missing or not finite", where="self-organising map")
@@ -102,12 +83,9 @@ def scaling_of(features: Array, least_spread: float = 0.0) -> tuple[Array, Array
 
 
 def conformal_threshold(scores: Array, false_alarm: float) -> float:
-    """The score above which a window alarms, from scores of healthy windows that the map did not see.
-
-    The k-th smallest of n scores, k = ceil((n + 1) (1 - false_alarm)): one more score of the same kind exceeds it with
-    a probability of at most `false_alarm` (exactly 1 - k / (n + 1) without ties). Raises `TwingapError` for a rate
-    outside 0 to 1, or fewer scores than the rate needs (99 for 1 %).
-    """
+    """The k-th smallest of n scores of healthy windows that the map did not see, k = ceil((n + 1) (1 - false_alarm)):
+    one more exceeds it with a probability of at most `false_alarm`. Raises `TwingapError` for fewer scores than that
+    needs."""
     if not 0 < false_alarm < 1:
         raise TwingapError(f"false_alarm = {false_alarm!r}, a fraction between 0 and 1 expected", where="threshold")
     n = int(np.size(scores))
@@ -136,19 +114,9 @@ def healthy_map(
     features: Array, groups: NDArray[np.str_], false_alarm: float, rng: np.random.Generator,
     options: MapOptions | None = None, blocks: int = 5,
 ) -> HealthyMap:  # fmt: skip
-    """Train on healthy windows [windows, features] and calibrate the alarm on healthy windows held out.
-
-    Raises `TwingapError` for fewer windows than the rate needs.
-
-    Parameters
-    ----------
-    groups : NDArray[str] [windows]
-        Recording of each window. With two or more, each is held out in turn, so that the threshold knows how much
-        healthy recordings differ; a single one is cut into `blocks` consecutive stretches instead, and then the rate
-        holds for that recording alone.
-    false_alarm : float
-        Rate for a window.
-    """
+    """Train on healthy windows [windows, features] and calibrate the alarm (rate for a window) on recordings (`groups`
+    [windows]) held out in turn; a single one is cut into `blocks` stretches, and the rate holds for it alone. Raises
+    `TwingapError` for fewer windows than the rate needs."""
     own = options or MapOptions()
     parts: NDArray[np.str_] | NDArray[np.int64] = groups
     if np.unique(groups).size < 2:

@@ -1,8 +1,4 @@
-"""Figures of the comparison, in colours that colour-blind readers tell apart (Okabe and Ito 2008; cividis).
-
-trials --> accuracy by task, SNR curves;  confusion matrices and t-SNE of the first task of each data set, with and
-without noise
-"""
+"""Figures of the comparison, in colours that colour-blind readers tell apart (Okabe and Ito 2008; cividis)."""
 
 from __future__ import annotations
 
@@ -88,10 +84,8 @@ def accuracy(runs: pd.DataFrame, available: str) -> Figure:
 
 
 def noise(runs: pd.DataFrame) -> Figure:
-    """Accuracy against the SNR of added noise, mean over tasks, balanced data: Proposed beside one group in each panel.
-
-    Of the runs without noise those with the seeds that noise was run with are taken.
-    """
+    """Accuracy against the SNR of added noise, mean over tasks, balanced data, of the seeds that noise was run with:
+    Proposed beside one group in each panel."""
     own = runs[runs["main"] & (runs["available"] == "balanced")]
     families = list(dict.fromkeys(own["family"]))
     figure, panels = subplots(

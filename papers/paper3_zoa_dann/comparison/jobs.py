@@ -22,8 +22,16 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from papers.options import expect, read
-from papers.paper3_zoa_dann.comparison.task_files import Material, TaskFile, load_recordings, material, read_task
+from papers.paper3_zoa_dann.comparison.task_files import (
+    FOLDER,
+    Material,
+    TaskFile,
+    load_recordings,
+    material,
+    read_task,
+)
 from papers.paper3_zoa_dann.comparison.trial import ALL, CLOSED, Trial, noise_words, run_trial
+from papers.paper3_zoa_dann.inputs import options as common_options
 from papers.paper3_zoa_dann.inputs.options import Options as Common
 from papers.paper3_zoa_dann.inputs.options import read_options as read_common
 from papers.paper3_zoa_dann.job import Identification, identified
@@ -40,8 +48,7 @@ if TYPE_CHECKING:
     from twingap.track import Run
 
 CONFIG: Final = Path(__file__).with_name("config.toml")
-Key = tuple[str, float | None]
-"""State of the unlabelled data, and the size left out."""
+Key = tuple[str, float | None]  # state of the unlabelled data, and the size left out
 
 
 @dataclass(frozen=True)
@@ -54,18 +61,17 @@ class Published:
 
 
 @dataclass(frozen=True)
-class Size:
-    tasks: tuple[str, ...]
+class Size(common_options.Size):
     available: tuple[str, ...]
-    seeds: int
     strict_seeds: int
     noise_seeds: tuple[int, ...]
     snr_db: tuple[float, ...]
-    steps: int
-    bearings_per_class: int
-    records_per_bearing: int
-    evaluations: int
-    rig_duration_s: float
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if len(self.noise_seeds) != len(self.snr_db) or not all(0 <= count <= self.seeds for count in self.noise_seeds):
+            found = f"noise_seeds = {list(self.noise_seeds)}"
+            raise TwingapError(f"{found}, one of 0 to seeds = {self.seeds} for each of snr_db expected")
 
 
 @dataclass(frozen=True)
@@ -81,27 +87,17 @@ class Options:
     training: Training
     profiles: dict[str, Size]
 
-
-def check(options: Options, path: Path) -> None:
-    """Refuse what the types of the entries allow and the comparison cannot do."""
-    for name, methods in (("references", options.references), ("rivals", options.rivals)):
-        for method in methods:
-            expect(method, ALL, f"{path}: {name}")
-    for family, names in options.closed.items():
-        for effect in names:
-            expect(effect, catalogue(), f"{path}: closed.{family}")
-    for name, size in options.profiles.items():
-        where = f"{path}: profiles.{name}"
-        if min(size.seeds, size.steps, size.bearings_per_class, size.records_per_bearing) < 1:
-            raise TwingapError("seeds, steps, bearings and records are at least 1", where=where)
-        if len(size.noise_seeds) != len(size.snr_db) or not all(0 <= count <= size.seeds for count in size.noise_seeds):
-            found = f"noise_seeds = {list(size.noise_seeds)}"
-            raise TwingapError(f"{found}, one of 0 to seeds = {size.seeds} for each of snr_db expected", where=where)
+    def __post_init__(self) -> None:
+        for method in (*self.references, *self.rivals):
+            expect(method, ALL, "references, rivals")
+        for family, names in self.closed.items():
+            for effect in names:
+                expect(effect, catalogue(), f"closed.{family}")
 
 
 def read_options(path: Path = CONFIG) -> Options:
     """The comparison's configuration, for studies that share it."""
-    return read(Options, check, path)
+    return read(Options, path)
 
 
 @dataclass(frozen=True)
@@ -176,7 +172,8 @@ def load_tasks(work: Work) -> list[tuple[TaskFile, Target]]:
     """The profile's tasks, as far as their data are at hand; task files lie beside the configuration."""
     found: list[tuple[TaskFile, Target]] = []
     missing = []
-    folder, common = work.config.with_name("tasks"), read_common()
+    own, common = work.config.with_name("tasks"), read_common()
+    folder = own if own.is_dir() else FOLDER
     for name in work.size.tasks:
         task = read_task(name, folder)
         if (target := load_recordings(task, work.root, common.target, work.size.rig_duration_s)) is None:
@@ -192,13 +189,12 @@ def load_tasks(work: Work) -> list[tuple[TaskFile, Target]]:
     return found
 
 
-def prepared(
-    work: Work, task: TaskFile, target: Target, common: Common, size: Size, chosen: Iterable[Cell]
-) -> Iterator[Prepared]:
+def prepared(work: Work, task: TaskFile, target: Target, chosen: Iterable[Cell]) -> Iterator[Prepared]:
     """Cells with their windows, the twin identified on what is adapted to, and the recipe of the source."""
     bearing = target.records.bearing
     if bearing is None:
         raise TwingapError("brings no bearing geometry", where=f"record set {target.records.name!r}")
+    common, size = read_common(), work.size
     source = dataclasses.replace(common.source, width_mm=task.width_mm)
     for cell in chosen:
         own = material(task, target.records, cell.available, cell.unseen)
@@ -233,7 +229,7 @@ def outcomes(work: Work) -> list[TaskOutcome]:
         materials: dict[Key, Material] = {}
         identified: dict[Key, Mapping[str, float]] = {}
         results: list[Result[Trial]] = []
-        for ready in prepared(work, task, target, common, size, cells(task, size, work.seed)):
+        for ready in prepared(work, task, target, cells(task, size, work.seed)):
             key = (ready.cell.available, ready.cell.unseen)
             materials[key], identified[key] = ready.material, ready.identified
             # The device is bound and no part of the key: what a training is does not depend on where it runs.

@@ -7,7 +7,6 @@ STUDY = Study(
     name="comparison",
     title="nine methods and the analyst's rule",
     options=jobs.Options,
-    check=jobs.check,
     steps=(Step("tasks", jobs.load_tasks), Step("outcomes", jobs.outcomes)),
     tables=tables.all_tables,
     metrics=tables.metrics,

@@ -1,7 +1,5 @@
 """Tables of the comparison, each made from the table of trials, so that the order of trials cannot matter.
 
-trials --> one sorted row each --> accuracy by task, means over tasks, noise, tests, selection, confusion, published
-
 ``accuracy`` is that of the checkpoint chosen without target labels. ``oracle`` is that of the checkpoint that target
 labels would have chosen, and stands in a column of its own since no method may claim it. ``strict`` counts windows of
 bearings alone of which nothing was adapted to; the healthy bearing, of which there is one, is not among them.
@@ -115,11 +113,9 @@ def by_task(runs: pd.DataFrame, levels: Sequence[float]) -> Rows:
 
 @as_table
 def family_means(runs: pd.DataFrame, options: Options, levels: Sequence[float]) -> Rows:
-    """Means over the tasks of a data set, by method and noise; intervals over seeds of the mean over tasks.
-
-    Without noise all states of the target data count; a second row has balanced data alone, to be compared with noise.
-    ``lead`` is over the best of the rivals, in points: which of them is best was told by the same accuracies.
-    """
+    """Means over the tasks of a data set, by method and noise, of all states of the target data and of balanced data
+    alone; intervals over seeds of the mean over tasks. ``lead`` is over the best of the rivals by the same accuracies,
+    in points."""
     main = runs[runs["main"]]
     parts = [("all", main[main["noise"] == CLEAN]), ("balanced", main[main["available"] == "balanced"])]
     for available, part in parts:
@@ -176,11 +172,9 @@ def at_noise(runs: pd.DataFrame, snr_db: float, levels: Sequence[float]) -> pd.D
 
 @as_table
 def tests(runs: pd.DataFrame, options: Options, levels: Sequence[float]) -> Rows:
-    """Each reference against every other method: differences paired by task and seed, exact sign flips, Holm.
-
-    Pairs are means over the states of the target data. Holm's correction is over the methods that one reference meets
-    on one data set at one noise level. The interval is Student's over seeds of the mean over tasks.
-    """
+    """Each reference against every other method: differences paired by task and seed (means over states), exact sign
+    flips, Holm over the methods that one reference meets on one data set and noise level; interval over seeds of the
+    mean over tasks."""
     main = runs[runs["main"]]
     for (family, noise), own in main.groupby(["family", "noise"], sort=False):
         pairs = own.pivot_table(index=["task", "seed"], columns="method", values="accuracy")

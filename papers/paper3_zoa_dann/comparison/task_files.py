@@ -1,13 +1,8 @@
 """Tasks A1-A4 and B1-B3, one file each under tasks/: records to adapt to and to evaluate on.
 
-tasks/A1.toml --> TaskFile --+
-record set ------------------+--> material: windows to adapt to (no labels), windows to judge on, bearings of both
-
 Labels decide what an experiment is given to adapt to (as many healthy windows as that, as many of each fault), as they
 would decide which machines stand in the hall; they are then taken away. Methods see windows without them.
 """
-
-from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -30,8 +25,7 @@ from twingap.rigs import make_rig
 
 FOLDER: Final = Path(__file__).with_name("tasks")
 TITLES: Final = {"cwru": "CWRU", "hit_sm": "HIT-SM"}
-Counts = Mapping[str, int]
-"""Windows by class."""
+Counts = Mapping[str, int]  # windows by class
 
 
 @dataclass(frozen=True)
@@ -110,12 +104,8 @@ class Material(Measured):
 
 
 def load_recordings(task: TaskFile, root: Path | None, surrogate: TargetOptions, duration_s: float) -> Target | None:
-    """The recordings of a task's data set; None where neither they nor a stand-in are at hand.
-
-    The virtual rig of `surrogate`, with recordings of so many seconds, takes the place of its data set where that is
-    not at hand. Raises `TwingapError` when what is needed is there in part or cannot be read, or has a stand-in and
-    `root` is given without it: who names data wants those used.
-    """
+    """The recordings of a task's data set, or of the virtual rig in place of the surrogate's own; None where neither is
+    at hand. Raises `TwingapError` when they are there in part or `root` is given without a set that has a stand-in."""
     title = TITLES.get(task.data_set, task.data_set)
     try:
         records = data.load(task.data_set, root, fs_hz=task.fs_hz)
@@ -132,11 +122,8 @@ def load_recordings(task: TaskFile, root: Path | None, surrogate: TargetOptions,
 
 
 def split(task: TaskFile, records: RecordSet, unseen: float | None) -> tuple[Task, RecordSet]:
-    """Recordings to adapt to and to judge on; those to adapt to once more, labelled, for `material` alone.
-
-    Bearings of the size `unseen` are left out of adaptation and, but for healthy ones, alone are judged. Raises
-    `TwingapError` when a recording would be on both sides, or a class is missing on one.
-    """
+    """Recordings to adapt to (without bearings of the size `unseen`) and to judge on (those and healthy ones alone);
+    the former once more, labelled. Raises `TwingapError` when one would be on both sides, or a class is missing."""
     if unseen is None and not task.same_bearings:
         raise TwingapError("adapts to the conditions it is judged at: some bearings must be left out", where=task.name)
     adapt = records.select(

@@ -8,8 +8,6 @@ The analyst's rule goes through the same door, as a method that learns nothing; 
 learn from simulated fleets of the phenomenological twin and compare each judged recording with those adapted to.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from dataclasses import dataclass
@@ -39,8 +37,7 @@ ALL: Final = (*METHODS, *CLOSED, OWN, ANALYST)
 (trees on fault orders and levels, as `twingap classify`), then the yardstick."""
 FLEETS_PER_BEARING: Final = 5
 """Simulated fleets for each virtual bearing and class of the networks: they have eight members, and cost far less."""
-FINEST: Final = 1000.0
-"""Noise levels are told apart to a thousandth of a decibel."""
+FINEST: Final = 1000.0  # noise levels are told apart to a thousandth of a decibel
 
 
 @dataclass(frozen=True)
@@ -73,10 +70,8 @@ def noise_words(snr_db: float | None) -> str:
 def noisy(windows: Windows, trial: Trial, stream: int) -> Windows:
     """The windows of recordings with white noise at the trial's SNR: the same noise for every method.
 
-    The SNR is that of the variance of a recording (all its windows here, each without its mean) over that of the noise:
-    one level a recording, so that its quiet stretches drown first. The noise a recording already has counts as signal,
-    as in the field's noise tests. Windows that overlap get noises of their own, so that they would not do for
-    adaptation and judging at once (they never do).
+    The SNR is that of the variance of a recording (its windows without their means) over that of the noise: one level a
+    recording. Overlapping windows get noises of their own, so they would not do for adaptation and judging at once.
     """
     if trial.snr_db is None:
         return windows
@@ -92,17 +87,9 @@ def noisy(windows: Windows, trial: Trial, stream: int) -> Windows:
 
 
 def run_trial(trial: Trial, material: Material, device: str = "auto", modes: Path | None = None) -> dict[str, Any]:
-    """Train, choose a checkpoint without target labels, judge.
-
-    Neither `device` nor `modes`, a folder in which trials find the modes of windows that another one has decomposed, is
-    a part of the key.
-
-    Returns
-    -------
-    dict
-        `twingap.adapt.Judged.plain` of all windows, ``unseen`` (the same figures for bearings that were not adapted to;
-        None where there are none), ``history``, ``source_accuracy``, ``device``, and the embedding if asked for.
-    """
+    """Train, choose a checkpoint without target labels, judge: `twingap.adapt.Judged.plain` of all windows, the same of
+    ``unseen`` bearings (or None), ``history``, ``source_accuracy``, embedding if asked for. `device` and `modes` (a
+    folder of modes that other trials have decomposed) are no part of the key."""
     evaluate = noisy(material.evaluate, trial, 4)
     if trial.method == ANALYST:
         recipe = trial.recipe

@@ -1,14 +1,9 @@
 """Distance of simulated signals from measured ones: PRD, RMSE and MMD, of waveforms and of spectra.
 
-measured, simulated records --windows of unit RMS--> waveforms, each pair aligned --> PRD, RMSE, MMD
-                                                 --> amplitude spectra ------------> PRD, RMSE, MMD
-
 The paper's formulas are lost with its equations; these are the usual ones. Windows are scaled to unit RMS, since the
 paper's load of 12 kN makes the twin vibrate a hundred times too strongly; PRD and RMSE then say the same. A phase that
 no model predicts is taken out by shifting each simulated window (circularly) to where it correlates best.
 """
-
-from __future__ import annotations
 
 import numpy as np
 from scipy.spatial.distance import cdist
@@ -63,11 +58,8 @@ def mmd(measured: Array, simulated: Array) -> float:
 
 
 def agreement(measured: Array, simulated: Array, length: int) -> dict[str, float]:
-    """All of it, of two records [samples] with as many windows of `length`, which are scaled to unit RMS.
-
-    ``waveform prd`` (%), ``waveform rmse`` and ``waveform mmd``; ``spectrum prd`` (%) and ``spectrum rmse`` of the mean
-    spectra, ``spectrum mmd`` of the windows' spectra.
-    """
+    """PRD (%), RMSE and MMD of the waveforms and of the spectra of two records [samples], in windows of `length` scaled
+    to unit RMS; PRD and RMSE of spectra are those of their means."""
     x, y = windows(measured, length), windows(simulated, length)
     moved, own, other = aligned(x, y), amplitude_spectra(x), amplitude_spectra(y)
     mean, other_mean = own.mean(axis=0), other.mean(axis=0)

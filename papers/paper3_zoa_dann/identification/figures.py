@@ -1,9 +1,4 @@
-"""Figures of the identification study, in colours that colour-blind readers tell apart (Okabe and Ito 2008).
-
-searches --> convergence;  comparisons, measured records --> waveforms and envelope spectra, fault frequencies marked
-"""
-
-from __future__ import annotations
+"""Figures of the identification study, in colours that colour-blind readers tell apart (Okabe and Ito 2008)."""
 
 from collections.abc import Iterator
 from typing import Any, Final
@@ -26,8 +21,7 @@ LINES: Final = {
     "random": ("#666666", ":"),
 }
 MEASURED, SIMULATED, MARK = "#444444", "#0072B2", "#D55E00"
-SHOWN_S: Final = 0.1
-"""Length of the waveforms shown, s: three turns."""
+SHOWN_S: Final = 0.1  # length of the waveforms shown, s: three turns
 HIGHEST_HZ: Final = 520.0
 
 

@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Any, Final, Literal
 import numpy as np
 
 from papers.arrays import Array
-from papers.options import expect
+from papers.options import as_input, expect
 from papers.paper3_zoa_dann.identification.agreement import agreement
 from twingap import BEARINGS, Condition, Record, RecordSet, TwingapError, data, identify
 from twingap.identification.contact import BOUNDS
@@ -66,11 +66,9 @@ class Options:
     machine_duration_s: float
     profiles: dict[str, Size]
 
-
-def check(options: Options, path: Path) -> None:
-    """Refuse faults that there is no contact model of."""
-    for setting, fault in itertools.product(options.settings, options.faults):
-        expect(fault, PRESETS[setting].defect_depth_um, f"{path}: faults")
+    def __post_init__(self) -> None:
+        for setting, fault in itertools.product(self.settings, self.faults):
+            expect(fault, PRESETS[setting].defect_depth_um, "faults")
 
 
 @dataclass(frozen=True)
@@ -93,7 +91,6 @@ class Comparison:
     twin: str
     stiffness: float
     damping: float
-    window_samples: int
 
 
 @dataclass(frozen=True)
@@ -102,10 +99,6 @@ class Recovery:
 
     fault: str
     seed: int
-    snr_db: float
-    stiffness: tuple[float, ...]
-    damping: tuple[float, ...]
-    duration_s: float
 
 
 def objective_of(fault: str, setting: str, fit: RecordSet) -> SpectrumObjective:
@@ -125,11 +118,9 @@ def search(job: Search, fit: RecordSet) -> dict[str, Any]:
     return {"best": traced.best, "stiffness": float(np.exp(best[0])), "damping": float(np.exp(best[1]))}
 
 
-def compare(job: Comparison, fit: RecordSet, judge: RecordSet) -> dict[str, Any]:
-    """Levels from the first half of the recording; metrics and an excerpt from the second.
-
-    Two readings of the twin: with the noises whose levels were fitted, and the contact alone, as the paper has it.
-    """
+def compare(job: Comparison, fit: RecordSet, judge: RecordSet, options: Options) -> dict[str, Any]:
+    """Levels from the first half of the recording; metrics and an excerpt from the second, with the noises that were
+    fitted, and of the contact alone, as the paper has it."""
     objective = objective_of(job.fault, job.setting, fit)
     own = replace(objective.twin.parameters, stiffness=job.stiffness, damping=job.damping)
     (parts,) = objective.components([own])
@@ -145,21 +136,22 @@ def compare(job: Comparison, fit: RecordSet, judge: RecordSet) -> dict[str, Any]
         made = replace(own, scale=scale, structure_noise_rms=noise[0], white_noise_rms=noise[1])
         twin = ContactTwin(objective.twin.bearing, made, unit=judge.unit)
         (simulated,) = twin.simulate([measured.condition], np.random.default_rng(1))
-        for metric, value in agreement(measured.samples, simulated.samples, job.window_samples).items():
+        for metric, value in agreement(measured.samples, simulated.samples, options.window_samples).items():
             out[f"{name}: {metric}"] = value
         if name == "with noises":
             out["simulated"] = simulated.samples.astype(np.float32)
     return out
 
 
-def recover(job: Recovery) -> dict[str, Any]:
+def recover(job: Recovery, options: Options) -> dict[str, Any]:
     """Make a machine, add white noise, identify; relative errors, and whether the 90 % intervals hold."""
     rng = np.random.default_rng([job.seed, 13])
-    k, c = (float(np.exp(rng.uniform(*np.log(bounds)))) for bounds in (job.stiffness, job.damping))
+    drawn = (options.machine_stiffness, options.machine_damping)
+    k, c = (float(np.exp(rng.uniform(*np.log(bounds)))) for bounds in drawn)
     own = ContactParameters(k, c, scale=0.1, structure_noise_rms=0.0, white_noise_rms=0.0)
-    condition = Condition(job.fault, 1797.0, 12000.0, round(12000 * job.duration_s), job.fault)
+    condition = Condition(job.fault, 1797.0, 12000.0, round(12000 * options.machine_duration_s), job.fault)
     (quiet,) = ContactTwin(BEARINGS["6205"], own, unit="g").simulate([condition], rng)
-    noise = rng.standard_normal(condition.n_samples) * quiet.samples.std() * 10 ** (-job.snr_db / 20)
+    noise = rng.standard_normal(condition.n_samples) * quiet.samples.std() * 10 ** (-options.snr_db / 20)
     records = RecordSet.from_records("machine", "g", BEARINGS["6205"], [Record(condition, quiet.samples + noise)])
     found = identify(records, TwinSpec("contact"), seed=rng).estimates
     out: dict[str, Any] = {}
@@ -206,12 +198,9 @@ def searches(work: Work) -> Iterator[Search]:
         yield Search(*each, work.size.evaluations)
 
 
-def fit(work: Work) -> Inputs:
-    return {"fit": (work["halves"][0], work["halves"][0].digest)}
-
-
 def both(work: Work) -> Inputs:
-    return {name: (own, own.digest) for name, own in zip(("fit", "judge"), work["halves"], strict=True)}
+    fit, judge = work["halves"]
+    return {"fit": (fit, fit.digest), "judge": (judge, judge.digest), **as_input(work)}
 
 
 def comparisons(work: Work) -> Iterator[Comparison]:
@@ -225,14 +214,12 @@ def comparisons(work: Work) -> Iterator[Comparison]:
             middle = sorted(runs, key=lambda v: float(v["best"][-1]))[(len(runs) - 1) // 2]
             values[f"identified, {WORDS[optimiser]}"] = (middle["stiffness"], middle["damping"])
         for name, (stiffness, damping) in values.items():
-            yield Comparison(fault, setting, name, stiffness, damping, options.window_samples)
+            yield Comparison(fault, setting, name, stiffness, damping)
 
 
 def machines(work: Work) -> Iterator[Recovery]:
-    options = work.options
-    drawn = (options.snr_db, options.machine_stiffness, options.machine_damping, options.machine_duration_s)
-    for fault, seed in itertools.product(options.faults, range(work.size.machines)):
-        yield Recovery(fault, seed, *drawn)
+    for fault, seed in itertools.product(work.options.faults, range(work.size.machines)):
+        yield Recovery(fault, seed)
 
 
 def _values(options: Options, setting: str) -> dict[str, tuple[float, float]]:

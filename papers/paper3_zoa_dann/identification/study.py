@@ -1,9 +1,4 @@
-"""Identification study, and its tables.
-
-searches --> convergence (cost by optimiser);  comparisons --> agreement, drops;  recoveries --> recovery
-"""
-
-from __future__ import annotations
+"""Identification study, and its tables."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -12,6 +7,7 @@ import numpy as np
 import pandas as pd
 
 from papers.framework import Rows, Step, Study, Work, as_table
+from papers.options import as_input
 from papers.paper3_zoa_dann.identification import figures, jobs
 from papers.paper3_zoa_dann.identification.agreement import METRICS
 from twingap.sweep import Result
@@ -36,11 +32,8 @@ def all_tables(work: Work) -> dict[str, pd.DataFrame]:
 
 @as_table
 def convergence(searches: Sequence[Result[jobs.Search]]) -> Rows:
-    """Cost that each optimiser has reached when its evaluations are spent, over seeds, and how soon it came near.
-
-    ``near`` is the median number of evaluations after which a run is within 1 % of the least cost that any run of any
-    optimiser found; empty when half of the runs never are.
-    """
+    """Cost that each optimiser has reached in the end, over seeds; ``near`` is the median number of evaluations after
+    which a run is within 1 % of the least cost of all, empty when half of the runs never are."""
     keys = list(dict.fromkeys((r.job.fault, r.job.setting) for r in searches))
     for fault, setting in keys:
         here = [r for r in searches if (r.job.fault, r.job.setting) == (fault, setting)]
@@ -119,12 +112,11 @@ STUDY = Study(
     name="identification",
     title="identification of the twin",
     options=jobs.Options,
-    check=jobs.check,
     steps=(
         Step("halves", jobs.halves),
-        Step("searches", jobs.search, jobs.searches, jobs.fit),
+        Step("searches", jobs.search, jobs.searches, lambda work: {"fit": jobs.both(work)["fit"]}),
         Step("comparisons", jobs.compare, jobs.comparisons, jobs.both),
-        Step("recoveries", jobs.recover, jobs.machines),
+        Step("recoveries", jobs.recover, jobs.machines, as_input),
     ),
     tables=all_tables,
     figures=figures.all_figures,

@@ -1,13 +1,5 @@
 """A plain network with and without adaptation, on several inputs: what an input is worth in the paper's frame.
 
-CWRU, or virtual rig --> recordings --> task: adapt | evaluate
-                                          |        |
-              identify k, c (no labels) <-+        |
-                        |                 |        |
-   contact twin --> labelled windows --> train (source_only, dann) x inputs x seeds --> select (no labels)
-                                                   |                                          |
-                                                   +--> judge <-------------------------------+
-
 Used in: Paper 3, dynamics-assisted unsupervised domain adaptation for rolling bearing fault diagnosis, Journal of
 Vibration and Control, DOI 10.1177/10775463261462852: its frame (twin, identification, DANN) with a plain network in
 place of the paper's, which `comparison` has.
@@ -39,8 +31,7 @@ if TYPE_CHECKING:
     from twingap.track import Run
 
 METHODS: Final[tuple[Method, ...]] = ("source_only", "dann")
-LABELS: Final = {"source_only": "Non-DA", "dann": "DANN"}
-"""Methods in words."""
+LABELS: Final = {"source_only": "Non-DA", "dann": "DANN"}  # methods in words
 
 
 @dataclass(frozen=True)
@@ -85,7 +76,9 @@ def results(work: Work) -> list[TaskResult]:
     found, bearing = [], records.bearing
     assert bearing is not None
     for task in make_tasks(size.tasks, records):
-        own = _measured(task, options, size)
+        length, count = options.target.window_samples, size.windows_per_recording
+        adapt, evaluate = cut(task.adapt, length, count), cut(task.evaluate, length, count, options.target.classes)
+        own = Measured(adapt, evaluate)
         asked = Identification(
             task.name, bearing, options.target.classes, options.source, options.identification, size.evaluations
         )
@@ -98,11 +91,6 @@ def results(work: Work) -> list[TaskResult]:
         found.append(TaskResult(task, own, parameters, recipe, trainings, **_yardsticks(task, own, options, bearing)))
         _log_task(work.log, found[-1])
     return found
-
-
-def _measured(task: Task, options: Options, sizes: Profile) -> Measured:
-    length, count = options.target.window_samples, sizes.windows_per_recording
-    return Measured(cut(task.adapt, length, count), cut(task.evaluate, length, count, options.target.classes))
 
 
 def _recipe(

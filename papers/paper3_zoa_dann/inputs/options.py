@@ -1,11 +1,8 @@
 """The configuration of this paper: typed, frozen, read from config.toml."""
 
-from __future__ import annotations
-
-import dataclasses
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final, Literal
+from typing import Any, Final, Literal
 
 from papers.options import expect, read
 from twingap import TwingapError
@@ -13,14 +10,18 @@ from twingap.adapt import CRITERIA, VIEWS, Training
 from twingap.effects import catalogue
 
 CONFIG: Final = Path(__file__).with_name("config.toml")
-RANGES: Final = {
-    "source": (
-        "width_mm", "depth_share", "clearance_um", "load_n", "snr_db", "resonance_hz", "resonance_damping",
-        "resonance_gain",
-    ),
-    "identification": ("stiffness", "damping", "white_share"),
+LEAST: Final = {
+    "seeds": 1, "steps": 1, "bearings_per_class": 1, "records_per_bearing": 1, "windows_per_recording": 1,
+    "evaluations": 0,
 }  # fmt: skip
-"""Entries [low, high] by table."""
+
+
+def _check_ranges(options: Any) -> None:
+    """Refuse entries [low, high] that are no range; only levels in dB may be negative."""
+    for name, value in vars(options).items():
+        lowest = float("-inf") if name == "snr_db" else 0.0
+        if isinstance(value, tuple) and name != "effects" and not (len(value) == 2 and lowest < value[0] < value[1]):
+            raise TwingapError(f"{list(value)} found, [low, high] with 0 < low < high expected", where=name)
 
 
 @dataclass(frozen=True)
@@ -53,6 +54,11 @@ class SourceOptions:
     resonance_damping: tuple[float, ...]
     resonance_gain: tuple[float, ...]
 
+    def __post_init__(self) -> None:
+        _check_ranges(self)
+        for effect in self.effects:
+            expect(effect, catalogue(), "effects")
+
 
 @dataclass(frozen=True)
 class IdentificationOptions:
@@ -64,6 +70,9 @@ class IdentificationOptions:
     damping: tuple[float, ...]
     white_share: tuple[float, ...]
 
+    def __post_init__(self) -> None:
+        _check_ranges(self)
+
 
 @dataclass(frozen=True)
 class JudgingOptions:
@@ -74,18 +83,37 @@ class JudgingOptions:
     levels: tuple[float, ...]
     false_alarm: float
 
+    def __post_init__(self) -> None:
+        expect(self.criterion, CRITERIA, "criterion")
+
 
 @dataclass(frozen=True)
-class Profile:
+class Size:
+    """What every study of trainings has in a profile."""
+
     tasks: tuple[str, ...]
-    inputs: tuple[str, ...]
     seeds: int
     steps: int
     bearings_per_class: int
     records_per_bearing: int
-    windows_per_recording: int
     evaluations: int
     rig_duration_s: float
+
+    def __post_init__(self) -> None:
+        for name, value in vars(self).items():
+            if name in LEAST and value < LEAST[name]:
+                raise TwingapError(f"{value} found, at least {LEAST[name]} expected", where=name)
+
+
+@dataclass(frozen=True)
+class Profile(Size):
+    inputs: tuple[str, ...]
+    windows_per_recording: int
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        for view in self.inputs:
+            expect(view, VIEWS, "inputs")
 
 
 @dataclass(frozen=True)
@@ -99,26 +127,4 @@ class Options:
 
 
 def read_options(path: Path = CONFIG) -> Options:
-    return read(Options, check, path)
-
-
-def check(options: Options, path: Path) -> None:
-    """Refuse what the types of the entries allow and the study cannot do."""
-    for table, ranges in RANGES.items():
-        for name in ranges:
-            value = getattr(getattr(options, table), name)
-            lowest = float("-inf") if name == "snr_db" else 0.0
-            if len(value) != 2 or not lowest < value[0] < value[1]:
-                raise TwingapError(
-                    f"{list(value)} found, [low, high] with 0 < low < high expected", where=f"{path}: {table}.{name}"
-                )
-    for effect in options.source.effects:
-        expect(effect, catalogue(), f"{path}: source.effects")
-    expect(options.judging.criterion, CRITERIA, f"{path}: judging.criterion")
-    for name, profile in options.profiles.items():
-        where = f"{path}: profiles.{name}"
-        for view in profile.inputs:
-            expect(view, VIEWS, f"{where}.inputs")
-        for field, value in dataclasses.asdict(profile).items():
-            if isinstance(value, int) and value < (0 if field == "evaluations" else 1):
-                raise TwingapError(f"{value} found, at least 1 expected", where=f"{where}.{field}")
+    return read(Options, path)

@@ -17,8 +17,7 @@ from papers.paper1_rul_varying_speed.methods.adaptive_twin import (
 )
 from papers.paper1_rul_varying_speed.methods.degradation import end_row
 from papers.paper1_rul_varying_speed.methods.excited_modes import excited_modes
-from papers.paper1_rul_varying_speed.methods.remaining_life import remaining_time_s
-from papers.paper1_rul_varying_speed.methods.run import Run, period_rows, planned_speed, read_run
+from papers.paper1_rul_varying_speed.methods.run import Run, period_rows, planned_speed, read_run, remaining_time_s
 from papers.paper1_rul_varying_speed.methods.simulated_lives import (
     LifeSimulator,
     SignalModel,

@@ -7,10 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from papers.paper1_rul_varying_speed.methods.architecture import critical_length
+from papers.paper1_rul_varying_speed.methods.architecture import critical_length, positional_encoding, speed_position
 from papers.paper1_rul_varying_speed.methods.degradation import DamageFit, damage, end_row, fit_damage, trajectories
-from papers.paper1_rul_varying_speed.methods.encoding import positional_encoding, speed_position
-from papers.paper1_rul_varying_speed.methods.remaining_life import remaining_revolutions, remaining_time_s
+from papers.paper1_rul_varying_speed.methods.run import remaining_revolutions, remaining_time_s
 from twingap.bearing import BEARINGS
 from twingap.errors import TwingapError
 from twingap.identification import equation_8, spectra
