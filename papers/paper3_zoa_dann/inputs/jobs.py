@@ -76,9 +76,7 @@ def results(work: Work) -> list[TaskResult]:
     found, bearing = [], records.bearing
     assert bearing is not None
     for task in make_tasks(size.tasks, records):
-        length, count = options.target.window_samples, size.windows_per_recording
-        adapt, evaluate = cut(task.adapt, length, count), cut(task.evaluate, length, count, options.target.classes)
-        own = Measured(adapt, evaluate)
+        own = _measured(task, options, size)
         asked = Identification(
             task.name, bearing, options.target.classes, options.source, options.identification, size.evaluations
         )
@@ -91,6 +89,11 @@ def results(work: Work) -> list[TaskResult]:
         found.append(TaskResult(task, own, parameters, recipe, trainings, **_yardsticks(task, own, options, bearing)))
         _log_task(work.log, found[-1])
     return found
+
+
+def _measured(task: Task, options: Options, size: Profile) -> Measured:
+    length, count = options.target.window_samples, size.windows_per_recording
+    return Measured(cut(task.adapt, length, count), cut(task.evaluate, length, count, options.target.classes))
 
 
 def _recipe(

@@ -332,8 +332,8 @@ class ExternalSimulator:
         same = real.unit == self.sim.unit and real.unit != ""
         gain = self._level_between_tones(used) if same else self._level(used)
         # A sensitivity would scale all records, one healthy recording may be louder than another.
-        faulty = real.take([i for i in shared if i not in healthy][:_MOST_MEASURED])
-        if same and (abs(math.log(gain)) < SAME_GAIN or (healthy and self._agrees(faulty))):
+        faulty = [i for i in shared if i not in healthy][:_MOST_MEASURED] if healthy else []
+        if same and (abs(math.log(gain)) < SAME_GAIN or (faulty and self._agrees(real.take(faulty)))):
             return 1.0
         of = "healthy records" if healthy else "all records, none of which is healthy"
         why = "" if same else f" (units: simulated {self.sim.unit!r}, real {real.unit!r})"
@@ -342,7 +342,7 @@ class ExternalSimulator:
 
     def _agrees(self, real: RecordSet) -> bool:
         """Whether the simulated counterparts of these records are as loud as they are, without gain."""
-        return len(real) > 0 and abs(math.log(self._level(real))) < SAME_GAIN
+        return abs(math.log(self._level(real))) < SAME_GAIN
 
     def _level(self, real: RecordSet) -> float:
         """Median ratio of the RMS of real records to that of simulated ones."""

@@ -142,7 +142,7 @@ def test_a_papers_configuration_may_name_it(
     monkeypatch.setattr(reproduce, "run", tiny)
     store = new_database(tmp_path / "runs.db")
     command = ("run", "paper3", "--out", tmp_path / "out", "--tracking-uri", store, "--json")
-    refused(typed(*command), "'soft_knee' found", "source.effects")
+    refused(typed(*command), "'soft_knee' found", "source: effects")
     said = typed(*command, "--effects", own)  # trainings simulate in worker processes
     assert said.status == 0, said.err
     assert "DANN" in {row.get("method") for row in json.loads(said.out)}

@@ -13,7 +13,7 @@ from twingap.errors import TwingapError
 from twingap.gap.distance.domain_names import DomainName
 from twingap.gap.distance.feature_vectors import FeatureVectors
 from twingap.gap.distance.grid import Axis
-from twingap.gap.distance.paired import Paired, _compressed
+from twingap.gap.distance.paired import Paired, compressed
 from twingap.records import Condition
 
 Array = NDArray[np.float64]
@@ -141,10 +141,10 @@ def test_replicates_must_match_the_records() -> None:
 
 def test_what_is_plain_counts_by_its_logarithm_and_what_is_small_as_it_is() -> None:
     squares = np.array([-100.0, -0.5, 0.0, 3.0, 15.9, 16.0, 1e4, 1e6])
-    found = _compressed(squares)
+    found = compressed(squares)
     np.testing.assert_array_equal(found[1:6], squares[1:6])
     assert np.all(np.diff(found) > 0)
-    assert found[0] == pytest.approx(-_compressed(np.array([100.0]))[0])
+    assert found[0] == pytest.approx(-compressed(np.array([100.0]))[0])
     assert found[7] - found[6] == pytest.approx(16 * np.log(100))
 
 
@@ -157,7 +157,7 @@ def test_the_misfit_keeps_the_noise_of_means_and_is_never_less_than_what_lies_ap
     # Of one record a stratum the mean is the record.
     few = pair_of(1, 1, rng)
     assert few.misfit() == pytest.approx(
-        float(np.sqrt(np.mean(_compressed((few.difference[0] / few.scale) ** 2)))), rel=1e-9
+        float(np.sqrt(np.mean(compressed((few.difference[0] / few.scale) ** 2)))), rel=1e-9
     )
 
 
@@ -186,5 +186,5 @@ def test_residuals_are_those_of_the_misfit_and_what_is_plain_counts_less() -> No
     assert plain.counts().sum() < 0.5
     # The weight is the slope of the tempered square: a little more of the gap adds as much to the misfit's square.
     squares = (plain.residuals() ** 2).sum(axis=0)
-    more = (_compressed(1.001 * squares) - _compressed(squares)) @ plain.real.weight
+    more = (compressed(1.001 * squares) - compressed(squares)) @ plain.real.weight
     assert more == pytest.approx(0.001 * squares @ plain.counts(), rel=1e-3)
