@@ -38,7 +38,6 @@ from twingap.gap.report.model import (
     Candidate,
     Ceiling,
     GapReport,
-    GroupName,
     ParameterValue,
     Place,
     Status,
@@ -48,6 +47,7 @@ from twingap.gap.report.model import (
 from twingap.gap.search.effect_search import ALPHA, ALPHA_REST, SURE, Explanation, explain
 from twingap.gap.search.evidence import THOROUGH, Evidence, simulator_of
 from twingap.gap.search.exchange_test import exchange_p_value
+from twingap.gap.search.group_names import groups_of
 from twingap.gap.search.measured_effects import with_measured
 from twingap.gap.search.modelled_effects import completed
 from twingap.gap.search.value_intervals import with_shorter_intervals
@@ -77,8 +77,6 @@ _MOST: Final = 0.7
 larger value leaves more gaps partly explained whose effects are right and whose values are not."""
 _NAMING: Final = ("explained", "partly_explained")
 """Status with effects."""
-_MEMBER: Final = 0.05
-"""Probability from which a member of a group is listed. A smaller value lists members that are hardly possible."""
 _LEAST_S: Final = 0.5
 """Duration that is advised at least where records are too short; a longer one resolves lines better."""
 _LEAST_CEILING: Final = 0.5
@@ -230,7 +228,7 @@ def _diagnosed(
     named = tuple(sorted(found.names, key=lambda name: -closes[name])) if status in _NAMING else ()
     closure, ci = (closed.closure, closed.ci) if added else (None, None)
     p_floor = learnt.p_floor(evidence.against().held_out)
-    groups = _groups(found, learnt.named_from)
+    groups = groups_of(found, learnt)
     verdict = Verdict(status, named, found.confidence_set, found.p_value, closure, ci, p_floor, groups)
     places = presentable(located.places) if found.gap else ()
     if added:
@@ -336,24 +334,6 @@ def _status(found: Explanation, closed: Closure, ceiling: float | None) -> Statu
     if closed.closure >= AT_FLOOR or (ceiling is not None and closed.closure >= ceiling >= _LEAST_CEILING):
         return "explained"
     return "explained" if found.rest_p > ALPHA_REST and closed.ci[1] >= _MOST else "partly_explained"
-
-
-def _groups(found: Explanation, named_from: float) -> tuple[GroupName, ...]:
-    """Groups of which at least one member is missing at the error rate of single names, the most probable first.
-
-    Members are taken to be missing independently, as in the confidence set.
-    """
-    members: dict[str, dict[str, float]] = {}
-    for name, probability in found.probability.items() if found.gap else ():
-        if group := catalogue()[name].group:
-            members.setdefault(group, {})[name] = min(max(probability, 0.0), 1.0)
-    out = []
-    for group, own in members.items():
-        some = 1 - math.prod(1 - p for p in own.values())
-        listed = sorted((name for name, p in own.items() if p >= _MEMBER), key=lambda name: -own[name])
-        if some >= named_from and listed:
-            out.append(GroupName(group, tuple(listed), some))
-    return tuple(sorted(out, key=lambda one: -one.probability))
 
 
 def _thinned(records: RecordSet, notes: list[str]) -> RecordSet:

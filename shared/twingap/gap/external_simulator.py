@@ -331,7 +331,7 @@ class ExternalSimulator:
         used = real.take((healthy or shared)[:_MOST_MEASURED])
         same = real.unit == self.sim.unit and real.unit != ""
         gain = self._level_between_tones(used) if same else self._level(used)
-        # A sensitivity would scale all records, one healthy recording may be louder than another.
+        # A wrong sensitivity scales all records; healthy recordings alone may just be louder.
         faulty = [i for i in shared if i not in healthy][:_MOST_MEASURED] if healthy else []
         if same and (abs(math.log(gain)) < SAME_GAIN or (faulty and self._agrees(real.take(faulty)))):
             return 1.0

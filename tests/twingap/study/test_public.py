@@ -34,6 +34,7 @@ from twingap.study.public_jobs import PublicJob, run_job
 from twingap.study.sweeps import swept
 from twingap.study.tracking import track_public
 from twingap.track import FolderTracker
+from twingap.twins.phenomenological import PhenomenologicalTwin
 from twingap.twins.twin_file import build_twin
 
 FS = 4096.0
@@ -89,6 +90,18 @@ def test_recordings_that_cannot_stand_for_each_other_are_cut_in_time(speeds: dic
     assert not {c.name for c in one.conditions} & {c.name for c in other.conditions}
     with pytest.raises(TwingapError, match="halved"):
         public_sets.halves(record_set(speeds, pieces=1), np.random.default_rng(0))
+
+
+def test_real_records_in_place_of_simulated_ones_turn_at_the_speeds_that_they_show() -> None:
+    conditions = [Condition(f"{f}{i}", 1500.0 + 60 * i, 12000.0, 24000, f) for i in (0, 1) for f in ("inner", "outer")]
+    effects = [make_effect("shaft_harmonics", {"level_1x": 1.0})]
+    made = PhenomenologicalTwin(BEARINGS["6205"], effects=effects).simulate(conditions, np.random.default_rng(0))
+    stated = [Record(dataclasses.replace(r.condition, speed_rpm=0.99 * r.condition.speed_rpm), r.samples) for r in made]
+    records = RecordSet.from_records("real", "m/s^2", BEARINGS["6205"], stated)
+    sim = public_jobs._as_simulated(records, "the other half")
+    assert sim.name == "the other half"
+    assert [c.speed_rpm for c in sim.conditions] == pytest.approx([c.speed_rpm for c in conditions], rel=1e-3)
+    np.testing.assert_array_equal(sim[1].samples, records[1].samples)
 
 
 # ---------------------------------------------------------------------------------------------------------------- twins

@@ -36,7 +36,7 @@ _LEAST_VARIANCE: Final = 1e-12
 _LEVEL: Final = "background.rms_log"
 """Feature that is matched before the test: log10 of a level."""
 _ROUNDING: Final = 1e-6
-"""Difference of a feature below which it is rounding, which a gain on samples makes. A larger value ignores more."""
+"""Difference of a feature below which it counts as a rounding error of the gain. A larger value ignores more."""
 
 
 def exchange_p_value(evidence: Evidence) -> float | None:
