@@ -44,3 +44,13 @@ def lives() -> None:
         return replace(options, target=target, profiles={**options.profiles, "smoke": size})
 
     Study.read = small  # type: ignore[method-assign]
+
+
+def training() -> None:
+    """Let `twingap train` learn from machines of few records, in small chunks, and from two fleets."""
+    from twingap.adapt import learning
+    from twingap.gap.knowledge import training
+
+    training.CHUNK, training.SEARCH_CHUNK, training.MOST_RECORDS = 10, 2, 4  # type: ignore[misc]
+    learning.FLEETS_PER_PART = 1  # type: ignore[misc]
+    learning.train_classifier.__kwdefaults__ |= {"fleets": 2}

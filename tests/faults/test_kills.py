@@ -77,6 +77,10 @@ COMMANDS = {
         lambda at: ["run", "paper1", "--out", "new/paper1", "--tracking-uri", "sqlite:///new/runs.db"], "new/paper1",
         (0, 12), parts=("tables/",), resumes=True, prepare="tests.faults.small:lives", env={"LOKY_MAX_CPU_COUNT": "1"},
     ),
+    "train": Command(
+        lambda at: ["train", "--out", "new/train", "--machines", 60, "--jobs", 1], "new/train", (0, 4),
+        parts=("learnt/", "classifier/"), resumes=True, prepare="tests.faults.small:training",
+    ),
 }  # fmt: skip
 
 
