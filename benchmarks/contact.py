@@ -21,6 +21,7 @@ from twingap.bearing import BEARINGS
 from twingap.records import Condition
 from twingap.twins.contact import PRESETS, ContactParameters
 from twingap.twins.contact_dynamics import Job, low_pass
+from twingap.twins.contact_integration import integrate
 from twingap.twins.contact_kernel import (
     FLOPS_OF_A_ROLLER,
     FLOPS_OF_A_STEP,
@@ -28,7 +29,6 @@ from twingap.twins.contact_kernel import (
     LOOK_AHEAD,
     LOOK_BACK,
     ROOTS_OF_A_ROLLER,
-    integrate,
 )
 
 Array = NDArray[np.float64]

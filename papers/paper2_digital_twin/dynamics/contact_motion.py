@@ -26,7 +26,9 @@ class Motion:
 def motion_of(job: Job, steps: int | None = None) -> Motion:
     """Integrate a job (whose `turns` need not increase) from rest at the centre by RK4 with a fixed step, `steps` per
     sample if given, and keep every sample's state. Raises `TwingapError` when it leaves the range of numbers."""
-    from twingap.twins.contact_kernel import LANES, integrate  # compiled code: only when it is needed
+    # Compiled code, imported on use.
+    from twingap.twins.contact_integration import integrate
+    from twingap.twins.contact_kernel import LANES
 
     factor = job.oversampling() if steps is None else steps
     late = 0.0 if job.cage_lag is None else job.cage_lag

@@ -329,13 +329,9 @@ def _of_a_kind(
     jobs: Sequence[Job], places: list[int], factor: int, n_rollers: int, point_contact: bool, device: str
 ) -> dict[int, tuple[Array, int]]:
     """Integrate jobs with the same step and bearing; unused lanes repeat the last job."""
-    from twingap.twins.contact_kernel import (
-        LANES,
-        LOOK_AHEAD,
-        LOOK_BACK,
-        ROWS,
-        integrate,
-    )  # compiled code, imported on use
+    # Compiled code, imported on use.
+    from twingap.twins.contact_integration import integrate
+    from twingap.twins.contact_kernel import LANES, LOOK_AHEAD, LOOK_BACK, ROWS
 
     first, second = low_pass(factor)
     leads = {place: LOOK_BACK + jobs[place].settling() for place in places}
@@ -392,7 +388,7 @@ def low_pass(factor: int) -> tuple[Array, Array]:
     Returns
     -------
     Array [6, factor / 2], Array [64]
-        As `contact_kernel.integrate` wants them.
+        As `contact_integration.integrate` wants them.
     """
     steps = factor // 2
     if steps == 1:

@@ -53,7 +53,7 @@ def integrate(
     across: tuple[float, ...],
     line: float | None,
 ) -> None:
-    """Integrate groups of sixteen trajectories; parameters of `contact_kernel._integrate`.
+    """Integrate groups of sixteen trajectories; parameters of `contact_kernel.integrate_groups`.
 
     What lies in `output` beyond a group's length is undefined.
 

@@ -16,7 +16,8 @@ from papers.paper2_digital_twin.dynamics.contact_motion import motion_of
 from twingap.bearing import BEARINGS
 from twingap.records import Condition
 from twingap.twins.contact_dynamics import Job, low_pass
-from twingap.twins.contact_kernel import LANES, integrate
+from twingap.twins.contact_integration import integrate
+from twingap.twins.contact_kernel import LANES
 from twingap.twins.contact_parameters import ContactParameters
 
 Array = NDArray[np.float64]

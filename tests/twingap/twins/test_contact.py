@@ -34,7 +34,8 @@ from twingap.twins.contact import (
     through,
 )
 from twingap.twins.contact_dynamics import LADDER, Job, low_pass, settle, statics
-from twingap.twins.contact_kernel import LOOK_AHEAD, LOOK_BACK, ROWS, integrate
+from twingap.twins.contact_integration import integrate
+from twingap.twins.contact_kernel import LOOK_AHEAD, LOOK_BACK, ROWS
 
 Array = NDArray[np.float64]
 
