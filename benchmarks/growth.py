@@ -1,4 +1,5 @@
-"""How cost grows: simulated records by their number, length and effects; a diagnosis by records and their length.
+"""How cost grows: simulated records by their number, length and effects; a diagnosis by records and their length; the
+summary and page of a fleet by its machines.
 
 Processor time, so that what runs beside costs little of it. An exponent of 1 is proportional growth.
 """
@@ -15,7 +16,9 @@ import numpy as np
 
 from benchmarks.harness import Measurement, Target
 from twingap.bearing import BEARINGS
-from twingap.effects import make_effect
+from twingap.effects import make_effect, trainable
+from twingap.fleet.page import page
+from twingap.fleet.summary import Machine, fleet_of
 from twingap.gap import diagnose
 from twingap.records import Condition, RecordSet
 from twingap.twins.base import Twin
@@ -46,6 +49,8 @@ def measure(quick: bool) -> Measurement:
         ("contact twin", "records", (n, 2 * n, 4 * n), lambda size: _simulate(int(size), 1.0, 0, ContactTwin)),
         ("contact twin", "seconds of a record", (0.5, 1.0, 2.0), lambda size: _simulate(n, size, 0, ContactTwin)),
     ]
+    machines = (25, 50) if quick else (250, 1000, 5000)
+    series.append(("summary and page of a fleet", "machines", machines, lambda size: _summarise(int(size))))
     if not quick:
         series += [
             ("diagnosis", "records", (8, 16, 32), lambda size: _diagnose(int(size), 1.0)),
@@ -97,3 +102,16 @@ def _diagnose(count: int, seconds: float) -> None:
     made = machine.stream(_conditions(count, seconds), np.random.default_rng(1))
     records = RecordSet.from_records("machine", "g", BEARING, made)
     diagnose(records, TwinSpec("phenomenological", effects=("slip_jitter",)), seed=0, quick=True)
+
+
+def _summarise(count: int) -> None:
+    rng, names = np.random.default_rng(2), list(trainable())
+    machines = []
+    for number in range(count):
+        probability = dict(zip(names, rng.beta(0.1, 1.0, len(names)).tolist(), strict=True))
+        missing = tuple(name for name, chance in probability.items() if chance > 0.5)
+        machines.append(Machine(
+            f"m{number}", "explained" if missing else "no_gap", effects=missing, sentence="", p_value=0.01, before=1.0,
+            after=0.5, floor=0.1, closure=0.5, closure_ci=(0.4, 0.6), probability=probability,
+        ))  # fmt: skip
+    page(fleet_of(machines, {"folder": "fleet", "twin": "twin.toml"}))
