@@ -59,8 +59,8 @@ def _watch(kill_at: int | None, watch_network: bool, note: int) -> Callable[[], 
     return lambda: count
 
 
-def _child(asked: dict[str, Any], out: int, err: int, note: int) -> None:
-    """Run one command, after its function `prepare` (as module:function); never returns."""
+def _child(asked: dict[str, Any], out: int, err: int, note: int, begins: int) -> None:
+    """Run one command, after its function `prepare` (as module:function), and close `begins` before; never returns."""
     status, changes = 99, lambda: 0
     try:
         os.setsid()
@@ -87,6 +87,7 @@ def _child(asked: dict[str, Any], out: int, err: int, note: int) -> None:
         sys.argv = ["twingap", *asked["words"]]
         from twingap.cli import main
 
+        os.close(begins)
         main()
     except SystemExit as end:
         status = end.code if isinstance(end.code, int) else 1 if end.code else 0
@@ -102,10 +103,15 @@ def _child(asked: dict[str, Any], out: int, err: int, note: int) -> None:
 
 def _serve_one(asked: dict[str, Any]) -> dict[str, Any]:
     with tempfile.TemporaryFile() as out, tempfile.TemporaryFile() as err, tempfile.TemporaryFile() as note:
-        begin = time.monotonic()
+        wait, begins = os.pipe()
         pid = os.fork()
         if not pid:
-            _child(asked, out.fileno(), err.fileno(), note.fileno())
+            os.close(wait)
+            _child(asked, out.fileno(), err.fileno(), note.fileno(), begins)
+        os.close(begins)
+        os.read(wait, 1)  # times of signals count from the beginning of the command
+        os.close(wait)
+        begin = time.monotonic()
         interrupts = sorted(asked["signals"], key=lambda item: item[0])
         timed_out = False
         while True:

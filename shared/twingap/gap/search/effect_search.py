@@ -158,7 +158,7 @@ def explain(evidence: Evidence, learnt: Learnt, progress: Progress) -> Explanati
     """Search for the effects that the twin lacks, with calibrated probabilities and optimised values."""
     ended = search(evidence, learnt, progress)
     own = [name for name in trainable() if not learnt.covers(name) and name not in ended.search.already]
-    tested: dict[str, float] = {}
+    tested: dict[str, unlearnt.Gain] = {}
     fitted: dict[str, Effect] = {}
     if own:
         ended, tested, fitted = _with_unlearnt(evidence, learnt, ended, own, progress)
@@ -168,10 +168,14 @@ def explain(evidence: Evidence, learnt: Learnt, progress: Progress) -> Explanati
     probability = {
         name: _probability(outcome.certainty) if calibration is None else calibration.probability(outcome)
         for name, outcome in ended.outcomes.items()
-    } | {name: unlearnt.probability(p) for name, p in tested.items()}
+    } | {name: unlearnt.probability(gain.p_value) for name, gain in tested.items()}
     gap = p_value <= level_of_gap(evidence, max((probability[n] for n in ended.outcomes), default=0.0))
-    # A twin is never calibrated perfectly: an effect that makes up for that is no effect that is missing.
-    sure = [name for name, p in tested.items() if gap and p <= unlearnt.LEVEL / len(own)]
+    sure = [name for name, gain in tested.items() if gain.p_value <= unlearnt.LEVEL / len(own)]
+    if not gap:
+        # A twin is never calibrated perfectly: an effect that makes up for that is no effect that is missing.
+        sure = [name for name in sure if tested[name].obvious]
+        if sure:  # Bonferroni: a test of the learnt models, and one of each effect
+            gap, p_value = True, min(1.0, 2 * len(own) * min(tested[name].p_value for name in sure))
     names = [*sure, *to_name({name: probability[name] for name in ended.outcomes}, learnt.named_from)]
     found.keep([name for name in found.values if name in names])
     if gap:
@@ -190,8 +194,8 @@ def explain(evidence: Evidence, learnt: Learnt, progress: Progress) -> Explanati
 
 def _with_unlearnt(
     evidence: Evidence, learnt: Learnt, plain: Searched, own: Sequence[str], progress: Progress
-) -> tuple[Searched, dict[str, float], dict[str, Effect]]:
-    """Search with effects that have no detector, the p-values of these effects, and the effects at fitted values.
+) -> tuple[Searched, dict[str, unlearnt.Gain], dict[str, Effect]]:
+    """Search with effects that have no detector, the gains by these effects, and the effects at fitted values.
 
     Each effect is fitted to the twin as given. One that significantly reduces the distance of held-out records is held,
     and the search is repeated with it, because the first search may have named a surrogate for it. The effect stays if
@@ -199,7 +203,7 @@ def _with_unlearnt(
     effects of the previous search.
     """
     level, bare = unlearnt.LEVEL / len(own), evidence.against()
-    tested, held, best = dict.fromkeys(own, 1.0), dict[str, Estimated](), plain
+    tested, held, best = dict.fromkeys(own, unlearnt.Gain(1.0, 0.0)), dict[str, Estimated](), plain
     fitted: dict[str, Effect] = {}
     for name in [name for name in own if name not in plain.search.cannot]:
         progress(f"fit of {name}", 0.8)
@@ -208,16 +212,16 @@ def _with_unlearnt(
         if effect is None:
             continue
         fitted[name] = effect
-        tested[name] = unlearnt.p_value(evidence, (*others, effect), others)
-        if tested[name] > level:
+        tested[name] = unlearnt.gain(evidence, (*others, effect), others)
+        if tested[name].p_value > level:
             continue
         again = search(evidence, learnt, progress, held | {name: Estimated(effect, {})})
         chain = again.search.added()
         without = tuple(one for one in chain if one.name != name)
-        tested[name] = unlearnt.p_value(evidence, chain, without)
+        tested[name] = unlearnt.gain(evidence, chain, without)
         if best.search.added() not in ((), without):
-            tested[name] = max(tested[name], unlearnt.p_value(evidence, chain, best.search.added()))
-        if tested[name] <= level:
+            tested[name] = max(tested[name], unlearnt.gain(evidence, chain, best.search.added()))
+        if tested[name].p_value <= level:
             held, best = held | {name: again.search.values[name]}, again
     return best, tested, fitted
 

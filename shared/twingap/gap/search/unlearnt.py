@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from scipy.signal import find_peaks
@@ -29,6 +29,9 @@ from twingap.twins.simulator import Simulator
 
 LEVEL: Final = 0.02
 """Level at which an effect is named, divided by the number of tested effects. A larger value names more of them."""
+OBVIOUS: Final = 0.5
+"""Part of the held-out distance that an effect has to close to be a gap where the learnt models see none. A smaller
+value takes effects that make up for an imperfect calibration for missing ones."""
 _PLACES: Final = 32
 """Initial points in the plausible ranges. A larger number finds narrow minima more often, at one simulation each."""
 _PEAKS: Final = 6
@@ -69,9 +72,20 @@ def fitted(evidence: Evidence, name: str, features: Array, others: Sequence[Effe
     return None if best is None else best[1]
 
 
-def p_value(evidence: Evidence, chain: Chain, without: Chain) -> float:
-    """P-value (`p_of_gain`) of held-out records being no closer to the twin with `chain` than with the effects
-    `without`.
+class Gain(NamedTuple):
+    """How much closer held-out records are to the twin with an effect."""
+
+    p_value: float  # of no gain, see `p_of_gain`
+    closed: float  # part of the distance that the effect closes
+
+    @property
+    def obvious(self) -> bool:
+        """Whether the effect closes more than an imperfect calibration leaves."""
+        return self.closed >= OBVIOUS
+
+
+def gain(evidence: Evidence, chain: Chain, without: Chain) -> Gain:
+    """Gain on held-out records of the twin with `chain` over the one with the effects `without`.
 
     Values are those of the fit part: an absent effect, at values fitted to other records, increases distances on
     average.
@@ -82,7 +96,9 @@ def p_value(evidence: Evidence, chain: Chain, without: Chain) -> float:
         return Paired(evidence.held_out.vectors, made, scale)
 
     before = pair(without, None)
-    return p_of_gain(before, pair(chain, before.scale), evidence.root)
+    after = pair(chain, before.scale)
+    far, near = (float(each.over_domains(each.squares())[0][0]) for each in (before, after))
+    return Gain(p_of_gain(before, after, evidence.root), 1 - near / far if far > 0 else 0.0)
 
 
 def probability(p: float) -> float:

@@ -125,10 +125,10 @@ def test_values_are_found_from_far_away(lacking: Evidence) -> None:
 
 
 def test_the_test_tells_an_effect_that_is_there_from_one_that_is_not(lacking: Evidence) -> None:
-    assert unlearnt.p_value(lacking, (make_effect("soft_knee", {"knee": 1.2}),), ()) < 0.02
+    assert unlearnt.gain(lacking, (make_effect("soft_knee", {"knee": 1.2}),), ()).p_value < 0.02
     absent = evidence_of(machine(seed=3))
-    assert unlearnt.p_value(absent, (make_effect("soft_knee", {"knee": 3.0}),), ()) > 0.2
-    assert unlearnt.p_value(absent, (), ()) == 1.0
+    assert unlearnt.gain(absent, (make_effect("soft_knee", {"knee": 3.0}),), ()).p_value > 0.2
+    assert unlearnt.gain(absent, (), ()).p_value == 1.0
 
 
 def test_probabilities_are_bounds_at_even_odds() -> None:
