@@ -38,11 +38,16 @@ def gap(
     as_json: Json = False,
 ) -> None:
     """Diagnose where records and twin differ, which effects the twin lacks, and how much of the gap they close."""
+    from twingap.errors import TwingapError
     from twingap.files import try_outputs
     from twingap.gap.report.files import to_json
     from twingap.records.folder import read_record_set
     from twingap.twins.twin_file import read_twin
 
+    if sim is not None and sim.resolve() == recordset.resolve():
+        raise TwingapError("simulated and real records are the same", where=f"--sim {sim}")
+    if out.resolve() in (recordset.resolve(), None if sim is None else sim.resolve()):
+        raise TwingapError("is a record set", where=f"--out {out}", mend="name another folder")
     read_twin(twin)  # reports an invalid file before slow imports
     records = read_record_set(recordset)
     simulated = None if sim is None else read_record_set(sim)

@@ -112,6 +112,9 @@ def parameter(
     least_spread : float
         Part of the value by which the ends of its interval lie at least apart from it.
     """
+    for what, (low, high) in (("plausible", plausible), ("allowed", allowed)):
+        if not low <= high:
+            raise TwingapError(f"range {what}=({low:g}, {high:g}) of a parameter ends before it begins")
     places = unit == "Hz" and plausible[1] > _PLACE_IN_SPECTRUM_HZ
     about = {
         "unit": unit, "plausible": plausible, "allowed": allowed, "doc": doc, "log": log, "fitted": fitted,
@@ -156,6 +159,22 @@ _DECIDING: Final = {
     Stage.DISTURBANCE: measurements.OTHER_SPEED,
     Stage.ACQUISITION: measurements.CHAIN,
 }
+
+
+def apply_effect(effect: Effect, draft: Draft, rng: np.random.Generator, where: str) -> None:
+    """Apply an effect to a draft; `where` names what has the effect.
+
+    Raises
+    ------
+    TwingapError
+        When it cannot act on the draft, or changes the number of samples.
+    """
+    where = f"{where}, effect {effect.name}"
+    if reason := effect.cannot_act_on(draft):
+        raise TwingapError(reason, where=where)
+    effect.apply(draft, rng)
+    if draft.x.shape not in ((0,), draft.t.shape):
+        raise TwingapError(f"makes samples of shape {draft.x.shape}, {draft.t.shape} expected", where=where)
 
 
 class Effect(ABC):

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from twingap.bearing import Bearing
 from twingap.effects.angle import at_angles
-from twingap.effects.base import Effect, Stage
+from twingap.effects.base import Effect, Stage, apply_effect
 from twingap.effects.draft import Draft
 from twingap.effects.modes import LEAD
 from twingap.effects.registry import in_order
@@ -80,9 +80,7 @@ def apply_to_waveform(
             draft.x, draft.background = draft.x - background, background
         for effect in chain:
             if effect.stage == stage:
-                if reason := effect.cannot_act_on(draft):
-                    raise TwingapError(reason, where=f"record {condition.name!r}, effect {effect.name}")
-                effect.apply(draft, streams(effect.name))
+                apply_effect(effect, draft, streams(effect.name), f"record {condition.name!r}")
         if stage is Stage.SHAFT and not np.array_equal(draft.turns, evenly):
             draft.x = at_angles(draft.x, evenly, draft.turns)
             background = None if background is None else at_angles(background, evenly, draft.turns)

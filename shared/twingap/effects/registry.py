@@ -282,7 +282,10 @@ def _located(error: BaseException, file: EffectFile) -> TwingapError:
     where = f"{file.path}: line {lines[-1]}" if lines else file.path
     if isinstance(error, TwingapError):
         return TwingapError(error.what, where=where, mend=error.mend)
-    return TwingapError(f"{type(error).__name__}: {error}", where=where)
+    what, mend = f"{type(error).__name__}: {error}", None
+    if isinstance(error, ModuleNotFoundError) and Path(file.path).with_name(f"{error.name}.py").exists():
+        mend = "files beside it are not found: put what it needs into it, or install them as a package"
+    return TwingapError(what, where=where, mend=mend)
 
 
 def _check(kind: object) -> None:

@@ -16,9 +16,9 @@ from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
 
 from twingap.fleet.summary import NOT_DIAGNOSED, Fleet, Machine, SharedEffect
 from twingap.gap.report.formats import name, percent
-from twingap.gap.report.sections.headline import STATUS
+from twingap.gap.report.status import TITLES as STATUS_TITLES
 
-TITLES: Final = {status: title for status, (title, _) in STATUS.items()} | {NOT_DIAGNOSED: "Not diagnosed"}
+TITLES: Final = {**STATUS_TITLES, NOT_DIAGNOSED: "Not diagnosed"}
 _NUMBERED: Final = 5
 """Machines that the chart numbers."""
 _MOVED, _WORTH = 0.05, 0.3

@@ -44,6 +44,7 @@ from twingap.gap.report.model import (
     TwoSampleTest,
     Verdict,
 )
+from twingap.gap.report.status import AT_FLOOR, LEAST_CEILING, MOST
 from twingap.gap.search.effect_search import ALPHA, ALPHA_REST, SURE, Explanation, explain
 from twingap.gap.search.evidence import THOROUGH, Evidence, simulator_of
 from twingap.gap.search.exchange_test import exchange_p_value
@@ -70,17 +71,10 @@ _UNITS: Final = {
 """Units of the twin's baseline parameters in the report."""
 _OTHER_LEVEL: Final = 0.02
 """Log ratio of levels above which a note reports the change of level with the effects. A smaller value adds notes."""
-AT_FLOOR: Final = 0.9
-"""Closure from which a gap is explained, whatever remains. A larger value leaves more gaps partly explained."""
-_MOST: Final = 0.7
-"""Closure that the upper end of its interval has to reach for a gap without a significant rest to be explained. A
-larger value leaves more gaps partly explained whose effects are right and whose values are not."""
 _NAMING: Final = ("explained", "partly_explained")
 """Status with effects."""
 _LEAST_S: Final = 0.5
 """Duration that is advised at least where records are too short; a longer one resolves lines better."""
-_LEAST_CEILING: Final = 0.5
-"""Closure by real records below which they are no measure of what a twin can close: they differ as much as the twin."""
 
 
 def diagnose(
@@ -331,9 +325,9 @@ def _status(found: Explanation, closed: Closure, ceiling: float | None) -> Statu
         return "no_gap"
     if not found.effects:
         return "unexplained"
-    if closed.closure >= AT_FLOOR or (ceiling is not None and closed.closure >= ceiling >= _LEAST_CEILING):
+    if closed.closure >= AT_FLOOR or (ceiling is not None and closed.closure >= ceiling >= LEAST_CEILING):
         return "explained"
-    return "explained" if found.rest_p > ALPHA_REST and closed.ci[1] >= _MOST else "partly_explained"
+    return "explained" if found.rest_p > ALPHA_REST and closed.ci[1] >= MOST else "partly_explained"
 
 
 def _thinned(records: RecordSet, notes: list[str]) -> RecordSet:

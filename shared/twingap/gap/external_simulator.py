@@ -124,7 +124,8 @@ class ExternalSimulator:
         elif off and abs(common := float(np.median(off))) > _OTHER_SPEEDS:
             notes.append(
                 f"simulated records turn {100 * abs(common):.1f} % {'faster' if common > 0 else 'slower'} than the "
-                "real ones: what a speed changes in strength no effect can make up for, so simulate at the speeds found"
+                "real ones: what a speed changes in strength no effect can make up for, so simulate at "
+                f"{math.exp(-common):.4f} times their speed"
             )
         longest = {c.fault: 0.0 for c in sim.conditions}
         for c in sim.conditions:

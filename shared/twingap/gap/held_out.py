@@ -141,7 +141,7 @@ def _values(found: Estimated) -> Mapping[str, ParameterValue]:
 def values_of_effect(effect: Effect, intervals: Mapping[str, tuple[float, float]]) -> Mapping[str, ParameterValue]:
     """Values of an effect by parameter, with unit and, where given, 90 % interval.
 
-    Of spectra, which a twin file holds, their lengths; of other lists each number, as "amplitudes.1".
+    Of spectra, which the closest twin's file holds, their lengths; of other lists each number, as "amplitudes.1".
     """
     base = effect.base if isinstance(effect, ByState) else effect
     values = {
@@ -152,7 +152,7 @@ def values_of_effect(effect: Effect, intervals: Mapping[str, tuple[float, float]
     for field in base.profiles():
         numbers, unit = getattr(base, field.name), field.metadata["unit"]
         if base.measured:
-            values[field.name] = ParameterValue(float(len(numbers)), "values in closest.toml")
+            values[field.name] = ParameterValue(float(len(numbers)), "values")
         else:
             values |= {f"{field.name}.{k}": ParameterValue(float(v), unit) for k, v in enumerate(numbers, start=1)}
     if isinstance(effect, ByState):
@@ -162,5 +162,5 @@ def values_of_effect(effect: Effect, intervals: Mapping[str, tuple[float, float]
                     value = ParameterValue(float(getattr(own, field.name)), field.metadata["unit"])
                     values[f"{field.name} ({state.fault})"] = value
         if units := {state.unit for state, _ in effect.states if state.unit}:
-            values["units"] = ParameterValue(float(len(units)), "with values of their own in closest.toml")
+            values["units"] = ParameterValue(float(len(units)), "with values of their own")
     return values

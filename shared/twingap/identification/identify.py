@@ -16,7 +16,7 @@ from twingap.errors import TwingapError
 from twingap.identification.result import Estimate, Identified, Outcome, Progress
 from twingap.identification.user_model import first_of_each_state, fits_of, levelled
 from twingap.records import RecordSet, read_record_set
-from twingap.twins.twin_file import Provenance, TwinSpec, in_unit, model_of, read_twin
+from twingap.twins.twin_file import Provenance, TwinSpec, in_unit, model_of, overruled, read_twin
 
 LEVEL = 0.9
 """Coverage of intervals by default; higher coverage makes them wider."""
@@ -140,7 +140,7 @@ def identify(
     if not outcome.estimates:
         note = "the twin file states all parameters that can be identified: the twin is unchanged"
         return Identified(spec, {}, outcome.fits, (*outcome.notes, note))
-    notes = outcome.notes
+    notes = outcome.notes if (other := overruled(spec, records.bearing)) is None else (other, *outcome.notes)
     if spec.identified is not None and (earlier := sorted(spec.intervals.keys() - outcome.estimates.keys())):
         note = f"{', '.join(earlier)}: as identified before, from records {spec.identified.records_sha256[:12]}"
         notes = (*notes, note)

@@ -222,7 +222,8 @@ def combine(readings: Sequence[Reading], conditions: Sequence[Condition], bearin
     if best.scatter > 5e-4:
         notes.append(f"speeds deviate from record to record by about {100 * best.scatter:.1g} %")
     if best.slip != 0:
-        notes.append(f"the cage lags its kinematic speed by {100 * best.slip:.2f} %, at all shaft speeds")
+        how = "lags" if best.slip > 0 else "runs ahead of"
+        notes.append(f"the cage {how} its kinematic speed by {100 * abs(best.slip):.2f} %, at all shaft speeds")
     hidden = sum(e.found_by == NOT_DETECTED for e in estimates)
     if hidden:
         notes.append(

@@ -17,6 +17,7 @@ import numpy as np
 
 from twingap.bearing import Bearing
 from twingap.effects import Draft, Effect, Stage, in_order
+from twingap.effects.base import apply_effect
 from twingap.effects.modes import LEAD
 from twingap.errors import TwingapError
 from twingap.records import Condition, Record, RecordSet
@@ -213,9 +214,7 @@ class Twin(ABC):
     def _act(self, stage: Stage, draft: Draft, streams: Streams) -> None:
         for effect in self.effects:
             if effect.stage == stage and effect.name not in self.inherent_effects:
-                if reason := effect.cannot_act_on(draft):
-                    raise TwingapError(reason, where=f"twin {self.model}, effect {effect.name}")
-                effect.apply(draft, streams(effect.name))
+                apply_effect(effect, draft, streams(effect.name), f"twin {self.model}")
 
 
 def _white(draft: Draft, streams: Streams) -> np.ndarray[tuple[int], np.dtype[np.float64]]:

@@ -6,6 +6,7 @@ function(conditions, rng) --scale--> waveforms --effects that can act on finishe
 from __future__ import annotations
 
 import math
+import traceback
 import zlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -91,8 +92,9 @@ class CallableTwin(Twin):
         except TwingapError as error:
             raise TwingapError(error.what, where=where, mend=error.mend) from error
         except Exception as error:
-            what = f"the function failed: {type(error).__name__}: {error}"
-            raise TwingapError(what, where=where, mend="its traceback is this error's cause") from error
+            last = traceback.extract_tb(error.__traceback__)[-1]
+            what = f"the function failed in {last.filename}, line {last.lineno}: {type(error).__name__}: {error}"
+            raise TwingapError(what, where=where) from error
         try:
             if np.iscomplexobj(made[0]):
                 raise TypeError("complex")

@@ -29,6 +29,9 @@ _PERFECT: Final = 0.99
 _LEVEL_ADVICE: Final = (
     "Records are louder or quieter than the twin throughout: check sensitivity, gain and unit of the channel."
 )
+_THROUGHOUT_ADVICE: Final = (
+    "Throughout the records single impacts or bursts stand out more, or less, than in the twin: look at the waveforms."
+)
 _UNDETERMINED: Final = 4.0
 """Ratio of the ends of a value's interval above which it is not determined. A smaller ratio warns of more values."""
 _UNDETERMINED_HZ: Final = 2.0
@@ -88,14 +91,25 @@ def next_steps(report: GapReport) -> tuple[str, ...]:
             domain, level, twin_higher = kind
             lies = f"The {subject} lies in {'' if level else DOMAIN[domain].phrase + ': '}{at}."
             advice = _LEVEL_ADVICE if level else DOMAIN[domain].advice
+            if domain == "time" and _throughout(report, own):
+                advice = _THROUGHOUT_ADVICE
             steps.append(f"{lies} {_twin_has_more(report, own) if twin_higher else advice}")
         steps.append(_closest(report))
         steps.append(
-            "Once you have a suspicion, write it as an effect of your own (five lines, see `twingap.effects`) and "
+            "Once you have a suspicion, write it as an effect of your own (a short class, see `twingap.effects`) and "
             "register it: the diagnosis tries it like any other."
         )
     had = report.provenance.get(RECORDS_HAVE, {})
     return tuple(without_what_is_there(step, had) for step in steps)
+
+
+def _throughout(report: GapReport, places: Iterable[Place]) -> bool:
+    """Whether places in time cover whole records, as single impacts and bursts do."""
+    curve = report.curves.get("time")
+    if curve is None or len(curve.x) < 2:
+        return False
+    first, *_, last = (float(x) for x in curve.x)
+    return all(p.lo is not None and p.hi is not None and p.lo <= first and p.hi >= last for p in places)
 
 
 def _kind(place: Place) -> tuple[DomainName, bool, bool]:
@@ -158,7 +172,7 @@ def _closest(report: GapReport) -> str:
     use = f"If a twin for training matters more than names, use the closest one, `{found.twin}`" if found.twin else ""
     accuracy = next((m for m in found.metrics if m.higher_is_better), None)
     if accuracy is None or not use or accuracy.before >= _PERFECT:
-        return f"{use or 'The closest twin has no twin file, since your simulator has none'}."
+        return f"{use or 'For records of the closest twin, which has no twin file, diagnose with `--export`'}."
     verdict = next((m.after for m in report.metrics if m.metric == accuracy.metric), accuracy.before)
     named, as_it_was, by_verdict = (f"{100 * part:.0f} %" for part in (accuracy.after, accuracy.before, verdict))
     right = f"{named} of held-out records; {as_it_was} after the twin as calibrated, {by_verdict} after the verdict's"

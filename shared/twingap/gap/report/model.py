@@ -422,7 +422,13 @@ class GapReport:
         if verdict.effects and verdict.closure is None and self.metrics:
             first = self.metrics[0]
             verdict = replace(verdict, closure=first.closure if first.after != first.before else None)
-        return verdict.sentence
+        left_out = [c.effect for c in self.candidates if c.acts is not None and c.effect in verdict.effects]
+        added = [name for name in verdict.effects if name not in left_out]
+        if not left_out or not added:
+            return verdict.sentence
+        # What cannot be added to finished waveforms closes nothing.
+        adding = "adding it" if len(verdict.effects) == 1 else "adding them"
+        return verdict.sentence.replace(adding, f"adding {listed(added)}", 1)
 
     @property
     def closest_sentence(self) -> str:

@@ -203,7 +203,7 @@ def _with_unlearnt(
     effects of the previous search.
     """
     level, bare = unlearnt.LEVEL / len(own), evidence.against()
-    tested, held, best = dict.fromkeys(own, unlearnt.Gain(1.0, 0.0)), dict[str, Estimated](), plain
+    tested, held, best = dict.fromkeys(own, unlearnt.Gain(1.0)), dict[str, Estimated](), plain
     fitted: dict[str, Effect] = {}
     for name in [name for name in own if name not in plain.search.cannot]:
         progress(f"fit of {name}", 0.8)

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,7 +27,6 @@ from twingap.gap.features.pooled import features as pooled
 from twingap.gap.features.pooled.features import PooledRecords
 from twingap.gap.features.pooled.trends import Levels
 from twingap.gap.features.spectrum.record_summary import RecordSummary, summarise
-from twingap.gap.search.free_spectra import By, Spectra
 from twingap.gap.search.parameter_scale import Setting
 from twingap.identification.baseline import MOST_SIMULATED, Key, StateSpectrum, levels_of, match_level, state_spectra
 from twingap.identification.calibrate import Calibrated, recalibrate, thinned
@@ -147,7 +146,7 @@ class Evidence:
         self.setting = Setting.of(conditions)
         self._simulator = simulator
         self._known: dict[tuple[Effect, ...], Compared] = {}
-        self._spectra: dict[bool, Spectra] = {}
+        self.kept: dict[object, Any] = {}  # what others compute once from the records, by whatever names it
         self._bare_spectra: dict[Key, Array] = {}
         self._kept_vectors: dict[Key, FeatureVectors] = {}
         self._read_off: dict[str, Mapping[str, float]] = {}
@@ -223,13 +222,6 @@ class Evidence:
         return RecordSet(
             records.name, records.unit, records.bearing, conditions, lambda i: records[i].samples[:LONGEST_TRIED]
         )
-
-    def spectra(self, by: By) -> Spectra:
-        """Mean spectra of records of the fit part, computed on first use."""
-        by_unit = by == "unit"
-        if by_unit not in self._spectra:
-            self._spectra[by_unit] = Spectra(self, by_unit=by_unit)
-        return self._spectra[by_unit]
 
     @property
     def trials(self) -> int:

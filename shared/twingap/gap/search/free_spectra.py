@@ -89,7 +89,7 @@ def measured(
     measured by unit: those of few recordings are not in others. With `all_samples`, all samples of finished waveforms
     pass the path, one for all records (`TransferPath.all_samples`); so it is where the path of `effects` is such a one.
     """
-    spectra = evidence.spectra(by)
+    spectra = spectra_of(evidence, by)
     names = {name for name in names if evidence.can_add(name) is None and not (by == "unit" and name == LINES)}
     states = [State("")] if by == "all" else spectra.states
     if not names:
@@ -203,6 +203,15 @@ class Spectra:
         if smoothed_hz:
             means = gaussian_filter1d(means, smoothed_hz * _EVEN_BANDS / self.top_hz, mode="nearest")
         return np.asarray(np.log(means + 1e-300))
+
+
+def spectra_of(evidence: Evidence, by: By) -> Spectra:
+    """Mean spectra of records of the fit part, computed on first use."""
+    key = Spectra, by == "unit"
+    if key not in evidence.kept:
+        evidence.kept[key] = Spectra(evidence, by_unit=by == "unit")
+    found: Spectra = evidence.kept[key]
+    return found
 
 
 def _path_of(effect: Effect | None, state: State, spectra: Spectra) -> Array:

@@ -21,6 +21,7 @@ from twingap.gap.distance.paired import Paired
 from twingap.gap.features.comparison import feature_names
 from twingap.gap.features.spectrum.path import two_modes
 from twingap.gap.search.evidence import Evidence, replicates_of
+from twingap.gap.search.free_spectra import spectra_of
 from twingap.gap.search.parameter_prior import Key, Prior, penalty, penalty_weight
 from twingap.gap.search.parameter_scale import to_number
 from twingap.identification.baseline import mode_density, state_spectra
@@ -139,7 +140,7 @@ def observations(evidence: Evidence, features: Array) -> Observations:
 
 def _spectrum_ratio(evidence: Evidence) -> SpectrumRatio:
     """Mean log spectra of the trial records over those of the given twin."""
-    spectra, given = evidence.spectra("all"), evidence.against().simulator
+    spectra, given = spectra_of(evidence, "all"), evidence.against().simulator
     made = spectra.of(evidence.simulated(given, (), evidence.trial_records.conditions, 3))
     ratios = [spectra.real[state].between - made[state].between for state in spectra.real]
     return SpectrumRatio(np.asarray(spectra.middles_hz, float), np.mean(np.array(ratios, float), axis=0))

@@ -30,8 +30,9 @@ from twingap.twins.simulator import Simulator
 LEVEL: Final = 0.02
 """Level at which an effect is named, divided by the number of tested effects. A larger value names more of them."""
 OBVIOUS: Final = 0.5
-"""Part of the held-out distance that an effect has to close to be a gap where the learnt models see none. A smaller
-value takes effects that make up for an imperfect calibration for missing ones."""
+"""Standard deviations, and part of the distance, by which an effect has to bring held-out records closer to be a gap
+where the learnt models see none. Smaller values take effects that make up for an imperfect calibration for missing
+ones."""
 _PLACES: Final = 32
 """Initial points in the plausible ranges. A larger number finds narrow minima more often, at one simulation each."""
 _PEAKS: Final = 6
@@ -76,12 +77,13 @@ class Gain(NamedTuple):
     """How much closer held-out records are to the twin with an effect."""
 
     p_value: float  # of no gain, see `p_of_gain`
-    closed: float  # part of the distance that the effect closes
+    before: float = 0.0  # distance without it, standard deviations
+    after: float = 0.0
 
     @property
     def obvious(self) -> bool:
         """Whether the effect closes more than an imperfect calibration leaves."""
-        return self.closed >= OBVIOUS
+        return self.before - self.after >= OBVIOUS * max(self.before, 1.0)
 
 
 def gain(evidence: Evidence, chain: Chain, without: Chain) -> Gain:
@@ -97,8 +99,8 @@ def gain(evidence: Evidence, chain: Chain, without: Chain) -> Gain:
 
     before = pair(without, None)
     after = pair(chain, before.scale)
-    far, near = (float(each.over_domains(each.squares())[0][0]) for each in (before, after))
-    return Gain(p_of_gain(before, after, evidence.root), 1 - near / far if far > 0 else 0.0)
+    distances = (float(each.over_domains(each.squares())[0][0]) for each in (before, after))
+    return Gain(p_of_gain(before, after, evidence.root), *distances)
 
 
 def probability(p: float) -> float:

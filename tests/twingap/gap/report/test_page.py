@@ -294,7 +294,7 @@ def test_a_search_that_found_nothing_closer_is_not_advised_again(make_report: Ma
 @pytest.mark.parametrize("names", [("background_spectrum",), ("background_spectrum", "waviness")])
 def test_spectra_are_taken_from_the_twin_file(make_report: MakeReport, names: tuple[str, ...]) -> None:
     """Their values are too many for a page: the advice says where they are, and the rest is stated."""
-    lists = {"densities_db": ParameterValue(122.0, "values in closest.toml")}
+    lists = {"densities_db": ParameterValue(122.0, "values")}
     values = [lists if name == "background_spectrum" else {"level": ParameterValue(0.2)} for name in names]
     found = tuple(Candidate(n, 0.9, 1, 0.5, 0.5, (0.4, 0.6), v) for n, v in zip(names, values, strict=True))
     verdict = Verdict("explained", names, (names,), 0.01, 0.5, (0.4, 0.6))

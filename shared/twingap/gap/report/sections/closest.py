@@ -36,7 +36,9 @@ def section(report: GapReport, figures: Figures) -> Section | None:
         "closes is its mean gain over the orders in which groups can be added, so that the shares add up."
     )
     if found.twin:
-        text += f" The twin is in `{found.twin}`."
+        text += f" The twin, with all values of its spectra, is in `{found.twin}`."
+    else:
+        text += " Your simulator has no twin file; `--export` writes its records with these effects, in `sim_closest`."
     return Section("The closest twin", text + (" ◆ marks the verdict." if named else ""), tuple(parts))
 
 

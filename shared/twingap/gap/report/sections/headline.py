@@ -9,22 +9,8 @@ from typing import Final
 from twingap.gap.report.advice import contradictions, warnings
 from twingap.gap.report.formats import closure, p_value
 from twingap.gap.report.model import GapReport, Verdict
+from twingap.gap.report.status import TITLES, meaning_of
 
-STATUS: Final[Mapping[str, tuple[str, str]]] = {
-    "no_gap": ("No gap", "No gap beyond chance was found."),
-    "explained": (
-        "Gap explained", "Nothing points to a further effect: once the named ones are added, at most a tenth of the "
-        "gap is left, or no more than real records in place of the twin or values that are a little off leave.",
-    ),
-    "partly_explained": (
-        "Gap partly explained", "Once the named effects are added, more is left than values that are a little off "
-        "leave, or most of the gap is.",
-    ),
-    "unexplained": (
-        "Gap unexplained", "There is a significant gap, and no effect of the catalogue is certain enough to be named."
-    ),
-}  # fmt: skip
-"""Status -> title and meaning."""
 _STATISTICS: Final[Mapping[str, str]] = {
     "AUC": "0.5 where a classifier cannot tell records from simulated ones, 1 where it always can",
     "MMD": "0 where both have the same distribution",
@@ -51,7 +37,7 @@ class Headline:
 def headline(report: GapReport) -> Headline:
     """The headline of a report."""
     verdict, stated = report.verdict, report.provenance
-    title, meaning = STATUS[verdict.status]
+    title, meaning = TITLES[verdict.status], meaning_of(report)
     facts = [("p-value of no gap", verdict.p_words.removeprefix("p ").removeprefix("= "))]
     if verdict.closure is not None:
         facts.append(("gap closed", closure(verdict.closure, verdict.closure_ci)))
