@@ -176,7 +176,10 @@ def test_the_closest_twin_is_a_file_that_simulates(typed: Run, records: Path, tw
 def test_records_of_another_simulator_take_the_twins_place(
     typed_gap: Run, records: Path, twin: Path, tmp_path: Path
 ) -> None:
-    said = typed_gap(records, "--twin", twin, "--out", tmp_path / "out", "--sim", records, "--no-track")
+    conditions = read_record_set(records).conditions
+    again = PhenomenologicalTwin(BEARINGS["6205"]).stream(conditions, np.random.default_rng(1))
+    sim = write_records(tmp_path / "sim", "made", "g", BEARINGS["6205"], None, again)
+    said = typed_gap(records, "--twin", twin, "--out", tmp_path / "out", "--sim", sim, "--no-track")
     assert said.status == 0, said.err
     assert sorted(p.name for p in (tmp_path / "out").iterdir()) == ["gap.json", "report.html"]  # it has no twin file
     report = read_report(tmp_path / "out")
@@ -195,3 +198,13 @@ def test_what_cannot_be_diagnosed_is_refused_in_one_line(typed_gap: Run, twin: P
     ):
         folder = write_records(tmp_path / name, "made", "g", BEARINGS["6205"], None, kept)
         refused(typed_gap(folder, "--twin", twin, "--out", tmp_path / "out"), words)
+
+
+def test_a_record_set_is_neither_its_own_simulator_nor_the_output(
+    typed_gap: Run, records: Path, twin: Path, tmp_path: Path
+) -> None:
+    before = sorted(path.name for path in records.iterdir())
+    asked = (records, "--twin", twin, "--no-track")
+    refused(typed_gap(*asked, "--out", tmp_path / "out", "--sim", records), "simulated and real records are the same")
+    refused(typed_gap(*asked, "--out", records), "is a record set", "name another folder")
+    assert sorted(path.name for path in records.iterdir()) == before

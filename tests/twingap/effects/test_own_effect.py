@@ -10,13 +10,27 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from twingap.effects import Draft, Effect, Stage, catalogue, effect_name, make_effect, measurements, registry
+from twingap.bearing import BEARINGS
+from twingap.effects import (
+    Draft,
+    Effect,
+    Stage,
+    catalogue,
+    effect_name,
+    make_effect,
+    measurements,
+    parameter,
+    registry,
+)
 from twingap.effects.observations import Observations
+from twingap.errors import TwingapError
 from twingap.gap.knowledge.effect_features import columns
 from twingap.gap.knowledge.machines import draw_machine
 from twingap.gap.knowledge.simulated_gaps import draw_effects, maybe_variant
 from twingap.gap.report.advice import next_steps
 from twingap.gap.search.parameter_scale import Setting, coordinates, to_effect, to_number, with_errors
+from twingap.records import Condition
+from twingap.twins.phenomenological import PhenomenologicalTwin
 
 MODULE = '''
 from __future__ import annotations
@@ -153,3 +167,24 @@ def test_every_stage_has_a_deciding_measurement(stage: Stage) -> None:
     kind = type("Something", (Nothing,), {"stage": stage})
     assert kind.deciding_measurement in vars(measurements).values()
     assert not Nothing.deciding_measurement
+
+
+def test_a_range_that_ends_before_it_begins_is_refused() -> None:
+    with pytest.raises(TwingapError, match=r"plausible=\(5, 0.2\) of a parameter ends before it begins"):
+        parameter(1.0, unit="", plausible=(5.0, 0.2), doc="of no use")
+
+
+def test_an_effect_that_changes_the_number_of_samples_is_named(
+    belt_tones: type[Effect], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(belt_tones, "apply", lambda self, draft, rng: setattr(draft, "x", draft.x[1:]))
+    twin = PhenomenologicalTwin(BEARINGS["6205"], effects=[make_effect("belt_tones")])
+    with pytest.raises(TwingapError, match=r"effect belt_tones: makes samples of shape \(499,\), \(500,\) expected"):
+        twin.simulate([Condition("a", 1500.0, 12000.0, 500, "healthy")], np.random.default_rng(0))
+
+
+def test_a_file_that_needs_one_beside_it_says_how(tmp_path: Path) -> None:
+    (tmp_path / "helpers_of_mine.py").write_text("LEVEL = 1.0\n")
+    (tmp_path / "own.py").write_text("import helpers_of_mine\n")
+    with pytest.raises(TwingapError, match=r"line 1: .*helpers_of_mine.*files beside it are not found"):
+        registry.load_effects(tmp_path / "own.py")

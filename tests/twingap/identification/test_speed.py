@@ -76,6 +76,8 @@ def test_slip_is_told_from_a_wrong_tachometer_by_inner_and_outer(bearing: str, s
     records, ratios = world(bearing, factor=1.02, slip=slip)
     speeds = estimate_speeds(records)
     assert speeds.slip == pytest.approx(slip, abs=5e-4)
+    how = "lags" if slip > 0 else "runs ahead of"
+    assert any(f"the cage {how} its kinematic speed by {100 * abs(speeds.slip):.2f} %" in note for note in speeds.notes)
     assert [e.ratio for e in speeds.estimates] == pytest.approx(ratios, rel=5e-4)
     assert speeds.decidable
 

@@ -31,6 +31,7 @@ from twingap.gap.report.model import (
     Verdict,
 )
 from twingap.gap.report.page import page, plotly_library
+from twingap.gap.report.status import meaning_of
 from twingap.twins.twin_file import read_twin
 
 MakeReport = Callable[..., GapReport]
@@ -400,3 +401,49 @@ def test_a_closest_twin_that_closes_no_more_is_said_to(make_report: MakeReport) 
     for closed, words in ((0.3, "closes no more, 30 %"), (0.1, "closes 30 %")):
         verdict = dataclasses.replace(report.verdict, closure=closed, closure_ci=(0.0, 0.5))
         assert words in dataclasses.replace(report, verdict=verdict, closest=closest).closest_sentence
+
+
+@pytest.mark.parametrize(
+    ("closure", "ci", "replayed", "says"),
+    [
+        (0.95, (0.9, 1.0), None, "at most a tenth of the gap is left"),
+        (0.7, (0.6, 0.8), 0.65, "no more of the gap is left than real records in place of the twin leave"),
+        (0.7, (0.6, 0.8), 0.3, "no more of the gap is left than values that are a little off leave"),
+    ],
+)
+def test_the_headline_states_the_reason_that_holds(
+    make_report: MakeReport, closure: float, ci: tuple[float, float], replayed: float | None, says: str
+) -> None:
+    report = make_report("explained")
+    report = dataclasses.replace(
+        report, verdict=dataclasses.replace(report.verdict, closure=closure, closure_ci=ci),
+        closest=dataclasses.replace(report.closest, ceiling=Ceiling(replayed)),
+    )  # fmt: skip
+    assert meaning_of(report) == f"Nothing points to a further effect: once the named ones are added, {says}."
+    partly = dataclasses.replace(report, verdict=dataclasses.replace(report.verdict, status="partly_explained"))
+    left = "more is left than values that are a little off leave"
+    assert meaning_of(partly) == f"Once the named effects are added, {left}."
+    far = dataclasses.replace(partly, verdict=dataclasses.replace(partly.verdict, closure_ci=(0.1, 0.5)))
+    assert "at least 30 % of the gap is left" in meaning_of(far)
+
+
+def test_places_over_whole_records_are_no_change_over_time(make_report: MakeReport) -> None:
+    report = make_report("unexplained")
+    seconds, level = tuple((k + 0.5) / 16 for k in range(16)), (0.0,) * 16
+    curves = {"time": Curve(seconds, "s", level, level, None, "dB", "Level within the record", "time")}
+
+    def advice(hi: float) -> str:
+        place = Place("time", 0.0, hi, "s", 0.4, 0.001, None, "records_higher")
+        return " ".join(next_steps(dataclasses.replace(report, places=(place,), rest=(), curves=curves)))
+
+    assert "bursts stand out more" in advice(1.0) and "change over time" not in advice(1.0)
+    assert "The records change over time" in advice(0.5)
+
+
+def test_what_cannot_be_added_is_not_said_to_close_anything(make_report: MakeReport) -> None:
+    report = make_report("explained")
+    first, second = report.verdict.effects[:2]
+    parts = [dataclasses.replace(c, acts="not here") if c.effect == first else c for c in report.candidates]
+    told = dataclasses.replace(report, candidates=tuple(parts)).sentence
+    assert f"adding {second.replace('_', ' ')}" in told and "adding them" not in told
+    assert "adding them" in report.sentence

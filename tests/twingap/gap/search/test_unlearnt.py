@@ -15,7 +15,7 @@ from twingap.bearing import BEARINGS
 from twingap.effects import Draft, Effect, Stage, make_effect, parameter, register, registry
 from twingap.effects.handover import digests_of_effects
 from twingap.gap import diagnose
-from twingap.gap.search import unlearnt
+from twingap.gap.search import effect_search, unlearnt
 from twingap.gap.search.evidence import THOROUGH, Evidence, simulator_of
 from twingap.identification.calibrate import calibrate
 from twingap.records import Condition, RecordSet
@@ -83,6 +83,25 @@ def test_an_effect_of_a_users_own_is_named_without_training(
     digest = found.report.provenance["own_effects"]["soft_knee"]
     assert digest == digests_of_effects()["soft_knee"] and len(digest) == 64
     assert any("soft_knee" in chosen for chosen in found.report.verdict.confidence_set)
+
+
+def test_it_is_a_gap_where_the_learnt_models_see_none(
+    soft_knee: type[Effect], learnt: Any, few_effects: FewEffects, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(effect_search, "ALPHA", 0.0)  # whatever their scores
+    few_effects("clipping")
+    lacking = machine((make_effect("soft_knee", {"knee": 1.2}),), count=12)
+    found = diagnose(lacking, SPEC, seed=0, learnt=learnt, quick=True).report
+    assert found.verdict.effects == ("soft_knee",) and found.verdict.p_value < 0.02
+    assert found.verdict.closure is not None and found.verdict.closure > 0.5
+    bare = diagnose(machine(seed=3, count=12), SPEC, seed=0, learnt=learnt, quick=True).report
+    assert bare.verdict.status == "no_gap" and not bare.verdict.effects
+
+
+def test_an_effect_that_makes_up_for_the_calibration_is_not_obvious() -> None:
+    assert unlearnt.Gain(0.001, 0.9, 0.2).obvious
+    assert not unlearnt.Gain(0.001, 0.3, 0.0).obvious  # all of little
+    assert not unlearnt.Gain(0.001, 3.0, 2.0).obvious  # little of much
 
 
 def test_it_is_not_named_beside_what_is_missing(soft_knee: type[Effect], learnt: Any, few_effects: FewEffects) -> None:
