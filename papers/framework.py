@@ -5,8 +5,8 @@ config.toml --options--> profile --+
 data root, seed, backend ----------+      (jobs: sweep, keys by `imports`)
 
 A study is a folder with ``config.toml``, ``jobs.py``, ``tables.py``, ``figures.py``, and ``study.py``, which holds its
-`Study` under the name ``STUDY``. The functions that workers run are in ``jobs.py``, which imports neither this module
-nor tables nor figures: the keys of stored results change with the code that makes results, and with nothing else.
+`Study` under the name ``STUDY``. The functions that workers run are in ``jobs.py``, which imports neither tables nor
+figures: the keys of stored results change with the code that makes results, and with nothing else.
 """
 
 from __future__ import annotations
@@ -24,8 +24,10 @@ from papers.imports import digest_of_imports
 from papers.options import read
 from twingap import TwingapError, files
 from twingap.provenance import digest_of_path, digest_of_value, plain
-from twingap.sweep import BACKENDS, Result, sweep
-from twingap.track import NullTracker, Run
+from twingap.sweep import BACKENDS, sweep
+from twingap.sweep import Result as Result
+from twingap.track import NullTracker
+from twingap.track import Run as Run
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -231,6 +233,12 @@ class Work:
             yield f"{self.study.name}: no data at hand for {', '.join(self.missing)}, left out"
         if self.finished:
             yield f"{self.study.name}: {self.finished} jobs, {self.computed} of them run now"
+
+
+def as_input(work: Work) -> Inputs:
+    """The configuration as an input of jobs, whose keys then depend on all of it but the profiles."""
+    entries = {name: value for name, value in plain(work.options).items() if name != "profiles"}
+    return {"options": (work.options, digest_of_value(entries))}
 
 
 def as_table(rows: Callable[P, Rows]) -> Callable[P, pd.DataFrame]:

@@ -8,18 +8,17 @@ Tasks, split, windows, identification and criterion are the comparison's. "Real 
 the recordings adapted to: no method may do so, and it shows what the features allow at all.
 """
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from papers.arrays import Array
+from papers.framework import Result, Work
 from papers.paper3_zoa_dann.comparison.jobs import Prepared, cells, prepared
 from papers.paper3_zoa_dann.comparison.task_files import Material, windows_to_adapt_to
 from papers.paper3_zoa_dann.comparison.trial import fleet_examples
@@ -28,10 +27,6 @@ from papers.paper3_zoa_dann.source import Recipe, simulate
 from twingap import Bearing, TwingapError
 from twingap.adapt import CRITERIA, Evidence, Outputs, Windows
 from twingap.adapt.order_features import names, order_features
-
-if TYPE_CHECKING:
-    from papers.framework import Work
-    from twingap.sweep import Result
 
 Labels = NDArray[np.int64]
 

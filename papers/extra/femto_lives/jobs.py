@@ -11,20 +11,19 @@ planted fault (inner race is taken, as in the paper), and no known end (ten time
 alarm that the paper waits for, so two minutes are tried as well.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import functools
 import itertools
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import numpy as np
 
 from papers.extra.life_gap.diagnoses import SEEN, Asked, modelled, pair_of, row_of
 from papers.extra.life_gap.jobs import MODELS, added, lives_config, root_of
+from papers.framework import Inputs, Result, Work
 from papers.paper1_rul_varying_speed.cases import Case, adapted, case_of
 from papers.paper1_rul_varying_speed.job import Added, Job, job_of, train_and_judge
 from papers.paper1_rul_varying_speed.lives import options as lives_options
@@ -36,10 +35,6 @@ from twingap import RecordSet, TwingapError
 from twingap.data import data_root, load
 from twingap.gap.knowledge import shipped_digest
 from twingap.provenance import digest_of_path
-
-if TYPE_CHECKING:
-    from papers.framework import Inputs, Work
-    from twingap.sweep import Result
 
 FAULT: Final = "inner"
 REFERENCE_MIN: Final = 10.0  # healthy beginning: 60 snapshots, as many as `twingap rul` takes

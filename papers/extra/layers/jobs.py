@@ -9,18 +9,17 @@ A linear probe (Alain and Bengio 2016, arXiv:1610.01644) that is taught by true 
 the classes; taught by simulated windows it says how much of that simulation can teach.
 """
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from papers.arrays import Array
+from papers.framework import Result, Work
 from papers.options import expect
 from papers.paper3_zoa_dann.comparison.jobs import Cell, kept_modes, prepared
 from papers.paper3_zoa_dann.comparison.jobs import read_options as read_comparison
@@ -29,10 +28,6 @@ from papers.paper3_zoa_dann.inputs.options import Size
 from papers.paper3_zoa_dann.inputs.options import read_options as read_common
 from papers.paper3_zoa_dann.source import Recipe, simulate
 from twingap.adapt import METHODS, Fitted, ModeInputs, Training, Windows, fit
-
-if TYPE_CHECKING:
-    from papers.framework import Work
-    from twingap.sweep import Result
 
 LAYERS: Final = (
     "denoising.branches", "denoising.fusion", "denoising.gate", "lift", "attention", "feed_forward",

@@ -8,22 +8,17 @@ Everything but the quantity is the comparison's: tasks, split, source, network, 
 no noise added; windows are shifted and turned about only where they are waveforms.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import itertools
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
+from papers.framework import Result, Work
 from papers.paper3_zoa_dann.comparison.jobs import Options, Prepared, cells, kept_modes, prepared
 from papers.paper3_zoa_dann.comparison.task_files import TaskFile
 from papers.paper3_zoa_dann.comparison.trial import CLOSED, Trial, run_trial
 from papers.paper3_zoa_dann.inputs.options import Options as Common
 from papers.paper3_zoa_dann.inputs.options import read_options as read_common
-
-if TYPE_CHECKING:
-    from papers.framework import Work
-    from twingap.sweep import Result
 
 QUANTITIES: Final = ("modes", "envelope_spectrum")  # the paper's first: gains are over it
 METHODS: Final = ("Non-DA", "Non-DA, gap closed", "DANN", "Proposed")

@@ -12,8 +12,6 @@ anything of that bench was simulated, of six runs of another virtual bench: whet
 beats DANN there too, on lives as simulated.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import functools
 import itertools
@@ -21,10 +19,11 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import numpy as np
 
+from papers.framework import Work
 from papers.paper1_rul_varying_speed.cases import Case, Target, load_target, read_case
 from papers.paper1_rul_varying_speed.job import Job, job_of, train_and_judge
 from papers.paper1_rul_varying_speed.lives import options as lives_options
@@ -34,9 +33,6 @@ from papers.paper1_rul_varying_speed.methods.adaptive_twin import Adaptation, No
 from papers.paper1_rul_varying_speed.methods.architecture import MODELS, LifeArchitecture, architecture_of
 from papers.paper1_rul_varying_speed.methods.metrics import rmse
 from twingap import TwingapError
-
-if TYPE_CHECKING:
-    from papers.framework import Work
 
 VARIANT: Final = "printed"
 SIMULATED, TRUE = "as simulated", "about the true end (oracle)"

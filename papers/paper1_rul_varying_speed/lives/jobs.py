@@ -5,24 +5,17 @@ Smart Maintenance set, or virtual rig --> cases --> twin, up to now --> simulate
                          tables, figures, nested runs <-- judged on the run to its end <-- chosen without labels
 """
 
-from __future__ import annotations
-
 import dataclasses
 import itertools
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
 
+from papers.framework import Result, Run, Work
 from papers.logs import log_checkpoints, log_method
 from papers.paper1_rul_varying_speed.cases import Case, Target, load_target, read_case
 from papers.paper1_rul_varying_speed.job import CaseResult, Job, job_of, train_and_judge
 from papers.paper1_rul_varying_speed.lives import tables
 from papers.paper1_rul_varying_speed.lives.options import Options, Profile
 from papers.paper1_rul_varying_speed.methods.architecture import architecture_of
-
-if TYPE_CHECKING:
-    from papers.framework import Work
-    from twingap.sweep import Result
-    from twingap.track import Run
 
 
 def target(work: Work) -> Target:

@@ -8,8 +8,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from papers.figures import LINE_NAMES, subplots
-from papers.framework import Rows, Step, Study, Work, as_table
-from papers.options import as_input
+from papers.framework import Rows, Step, Study, Work, as_input, as_table
 from papers.paper2_digital_twin.dynamics import jobs
 from twingap.sweep import Result
 

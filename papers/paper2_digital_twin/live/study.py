@@ -11,8 +11,7 @@ from matplotlib.figure import Figure
 
 from papers.arrays import Array
 from papers.figures import subplots
-from papers.framework import Rows, Step, Study, Work, as_table
-from papers.options import as_input
+from papers.framework import Rows, Step, Study, Work, as_input, as_table
 from papers.paper2_digital_twin.live import jobs
 from papers.paper2_digital_twin.live_twin.twin import WATCHED
 from twingap.rigs.drifting import COOLED, REFILLED, WEARS

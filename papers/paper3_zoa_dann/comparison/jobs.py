@@ -9,18 +9,17 @@ tasks/*.toml, records --> cell: adapt (labels taken away) | judge (other recordi
 Used in: Paper 3, section 4, DOI 10.1177/10775463261462852.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import shutil
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import numpy as np
 
+from papers.framework import Result, Run, Work
 from papers.options import expect, read
 from papers.paper3_zoa_dann.comparison.task_files import (
     FOLDER,
@@ -41,11 +40,6 @@ from twingap import TwingapError
 from twingap.adapt import ModeInputs, Training
 from twingap.effects import catalogue
 from twingap.provenance import digest_of_path
-
-if TYPE_CHECKING:
-    from papers.framework import Work
-    from twingap.sweep import Result
-    from twingap.track import Run
 
 CONFIG: Final = Path(__file__).with_name("config.toml")
 Key = tuple[str, float | None]  # state of the unlabelled data, and the size left out

@@ -6,8 +6,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from papers.framework import Rows, Step, Study, Work, as_table
-from papers.options import as_input
+from papers.framework import Rows, Step, Study, Work, as_input, as_table
 from papers.paper3_zoa_dann.identification import figures, jobs
 from papers.paper3_zoa_dann.identification.agreement import METRICS
 from twingap.sweep import Result

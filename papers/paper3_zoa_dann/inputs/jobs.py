@@ -5,17 +5,16 @@ Vibration and Control, DOI 10.1177/10775463261462852: its frame (twin, identific
 place of the paper's, which `comparison` has.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import itertools
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from papers.framework import Result, Run, Work
 from papers.logs import log_checkpoints, log_method
 from papers.paper3_zoa_dann.inputs.options import Options, Profile
 from papers.paper3_zoa_dann.job import Identification, Job, Measured, identified, train_and_judge, windows_digest
@@ -24,11 +23,6 @@ from papers.paper3_zoa_dann.tasks import Target, Task, load_target, make_tasks
 from papers.paper3_zoa_dann.yardsticks import analyst, majority
 from twingap import Bearing, TwingapError
 from twingap.adapt import Method, Scores, cut, score
-
-if TYPE_CHECKING:
-    from papers.framework import Work
-    from twingap.sweep import Result
-    from twingap.track import Run
 
 METHODS: Final[tuple[Method, ...]] = ("source_only", "dann")
 LABELS: Final = {"source_only": "Non-DA", "dann": "DANN"}  # methods in words
