@@ -45,6 +45,10 @@ def _nothing(work: Work) -> dict[str, Any]:
     return {}
 
 
+def _drawn(figures: Mapping[str, Callable[[Work], Figure]], work: Work) -> Iterator[tuple[str, Figure]]:
+    yield from ((name, draw(work)) for name, draw in figures.items())
+
+
 @dataclass(frozen=True)
 class Step:
     """A step of a study."""
@@ -67,12 +71,14 @@ class Study:
     # dataclass of the entries of `config`, which are explained there; its field `profiles` has each profile's sizes
     options: type[Any]
     steps: Sequence[Step]
-    tables: Callable[[Work], Mapping[str, pd.DataFrame]]
+    # name -> what makes the table, in order, so that a later one may read ``work.tables``; or what makes all of them
+    tables: Mapping[str, Callable[[Work], pd.DataFrame]] | Callable[[Work], Mapping[str, pd.DataFrame]]
     config: Path = Path("config.toml")  # beside the module of `options`
-    figures: Callable[[Work], Iterable[tuple[str, Figure]]] | None = None
+    figures: Mapping[str, Callable[[Work], Figure]] | Callable[[Work], Iterable[tuple[str, Figure]]] | None = None
     headlines: tuple[str, ...] = ()  # tables that are printed at the end
     columns: Mapping[str, tuple[str, ...]] = field(default_factory=dict)  # of headlines, where not all are printed
     data: str = ""  # where the numbers come from, unless a step says it
+    named: bool = False  # whether that is the last column, ``data``, of tables that have none
     metrics: Callable[[Work], Mapping[str, float | None]] = _nothing  # logged
     at_hand: Callable[[Path | None], bool] = lambda root: True  # in that data root; else a paper leaves the study out
     letters: tuple[int, int] = (13, 12)  # sizes of letters in figures, and of those in legends, points
@@ -139,8 +145,11 @@ class Study:
 
     def _publish(self, work: Work, draw: bool) -> None:
         """Tables, figures and metrics, to the folder and to the tracker, each as soon as it is made."""
-        work.tables.update(self.tables(work))
-        for name, table in work.tables.items():
+        made = self.tables(work) if callable(self.tables) else self.tables
+        for name, table in made.items():
+            work.tables[name] = table = table(work) if callable(table) else table
+            if self.named and "data" not in table:
+                table["data"] = work.title
             write_table(table, work.out / "tables" / name, work.title)
             work.log.table(name, table)
         if metrics := self.metrics(work):
@@ -151,7 +160,8 @@ class Study:
             import matplotlib as mpl
 
             with mpl.rc_context(style(*self.letters)):
-                for name, figure in self.figures(work):
+                drawn = self.figures(work) if callable(self.figures) else _drawn(self.figures, work)
+                for name, figure in drawn:
                     write_figure(figure, work.out / "figures" / f"{name}.png")
                     work.log.figure(name, figure)
 

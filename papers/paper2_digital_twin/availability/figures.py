@@ -1,6 +1,5 @@
 """Figures of the availability study, in colours that colour-blind readers tell apart (Okabe and Ito 2008)."""
 
-from collections.abc import Iterator
 from typing import Any, Final
 
 import numpy as np
@@ -16,12 +15,6 @@ LOOKS: Final = {
     "twin network": ("#0072B2", "o", "-"), "SVM": ("#D55E00", "s", "--"), "SOM-MQE": ("#009E73", "^", ":"),
 }  # fmt: skip
 FAULTS: Final = {"healthy": "#666666", "inner": "#D55E00", "outer": "#0072B2", "ball": "#009E73"}
-
-
-def all_figures(work: Work) -> Iterator[tuple[str, Figure]]:
-    accuracy, crossed = (work.tables[f"availability-{name}"] for name in ("accuracy", "crossings"))
-    yield "availability-crossings", crossings(accuracy, crossed)
-    yield "availability-severity", severity(work)
 
 
 def crossings(accuracy: pd.DataFrame, crossed: pd.DataFrame) -> Figure:

@@ -17,9 +17,27 @@ STUDY = Study(
         Step("plants", jobs.plants),
         Step("source", jobs.simulated),
         Step("networks", jobs.network, jobs.networks, jobs.of_both),
+        Step("calls", tables.calls),
     ),
-    tables=tables.all_tables,
-    figures=figures.all_figures,
+    tables={
+        "availability-accuracy": tables.accuracy,
+        "availability-crossings": tables.crossings,
+        "availability-choice": tables.choices,
+        "availability-selection": tables.selection,
+        "availability-head": tables.head,
+        "availability-sources": tables.sources,
+        "availability-recordings": tables.recordings,
+        "availability-alarms": tables.alarms,
+        "availability-severity": tables.severity,
+        "availability-size": tables.size,
+        "availability-check": tables.checks,
+    },
+    figures={
+        "availability-crossings": lambda work: figures.crossings(
+            work.tables["availability-accuracy"], work.tables["availability-crossings"]
+        ),
+        "availability-severity": figures.severity,
+    },
     letters=(14, 13),
     headlines=("availability-accuracy", "availability-crossings", "availability-choice"),
 )

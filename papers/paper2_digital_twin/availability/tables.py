@@ -18,19 +18,6 @@ MANY: Final = 10**6  # stands for all the labels that there are
 AHEAD: Final = (("SVM", "twin network"), ("SOM-MQE", "twin network"), ("SOM-MQE", "SVM"))
 
 
-def all_tables(work: Work) -> dict[str, pd.DataFrame]:
-    called = calls(work)
-    found = accuracy(called)
-    crossed = crossings(work, called)
-    return {
-        "availability-accuracy": found, "availability-crossings": crossed,
-        "availability-choice": choices(work, crossed), "availability-selection": selection(work),
-        "availability-head": head(work), "availability-sources": sources(work),
-        "availability-recordings": recordings(work, called), "availability-alarms": alarms(work),
-        "availability-severity": severity(work), "availability-size": size(work), "availability-check": checks(work),
-    }  # fmt: skip
-
-
 def calls(work: Work) -> pd.DataFrame:
     """One row for each recording, method, number of labels, split and seed: what it was called, and what it is."""
     found = [
@@ -52,9 +39,10 @@ def calls(work: Work) -> pd.DataFrame:
     ])  # fmt: skip
 
 
-def by_seed(called: pd.DataFrame) -> pd.DataFrame:
+def by_seed(work: Work) -> pd.DataFrame:
     """Share of recordings called right, and its mean over classes, for each seed."""
     keys = ["data", "split", "method", "records", "seed"]
+    called = work["calls"]
     right = called.assign(right=called["class"] == called["called"])
     found = right.groupby(keys, sort=False).agg(
         labels=("labels", "min"), recordings=("right", "size"), accuracy=("right", "mean")
@@ -64,10 +52,10 @@ def by_seed(called: pd.DataFrame) -> pd.DataFrame:
 
 
 @as_table
-def accuracy(called: pd.DataFrame) -> Rows:
+def accuracy(work: Work) -> Rows:
     """Mean over seeds, by recording judged; `labels` is how many records of the scarcest fault there were indeed."""
     keys = ["data", "split", "method", "records"]
-    for (data, split, method, records), part in by_seed(called).groupby(keys, sort=False):
+    for (data, split, method, records), part in by_seed(work).groupby(keys, sort=False):
         low, high = t_interval(list(part["accuracy"]), LEVEL)
         yield {
             "data": TITLES[str(data)], "split by": split, "method": method,
@@ -79,10 +67,10 @@ def accuracy(called: pd.DataFrame) -> Rows:
 
 
 @as_table
-def crossings(work: Work, called: pd.DataFrame) -> Rows:
+def crossings(work: Work) -> Rows:
     """From how many records on one method is at least as good as another in the mean over seeds (empty if it is lower
     with all), and ``better from``: with the 95 % interval of the paired difference above 0."""
-    found = by_seed(called)
+    found = by_seed(work)
     for (data, split, about), (first, second) in itertools.product(_parts(work), AHEAD):
         here = found[(found["data"] == data.name) & (found["split"] == split)]
         wide = {
@@ -101,12 +89,12 @@ def crossings(work: Work, called: pd.DataFrame) -> Rows:
 
 
 @as_table
-def choices(work: Work, crossed: pd.DataFrame) -> Rows:
+def choices(work: Work) -> Rows:
     """What `choose` says at each number of labels, with the thresholds measured here (better by more than luck)."""
     for name, data in work["data"].items():
         windows = max(a.value["healthy windows"] for a in work["alarms"] if a.job.data == name and not a.job.without)
         for split in SPLITS:
-            limits = Thresholds(1, *(_sure_from(crossed, data, split, method) for method in METHODS[1:]))
+            limits = Thresholds(1, *(_sure_from(work, data, split, method) for method in METHODS[1:]))
             for count in (0, *work.options.counts, MANY):
                 made = choose(count, windows, false_alarm=work.options.false_alarm, thresholds=limits)
                 yield {
@@ -116,8 +104,9 @@ def choices(work: Work, crossed: pd.DataFrame) -> Rows:
                 }  # fmt: skip
 
 
-def _sure_from(crossed: pd.DataFrame, data: Measured, split: str, method: str) -> int | None:
+def _sure_from(work: Work, data: Measured, split: str, method: str) -> int | None:
     """Number of labelled records from which a method is better than the network by more than luck."""
+    crossed = work.tables["availability-crossings"]
     at = (crossed["data"] == TITLES[data.name]) & (crossed["split by"] == split)
     (found,) = crossed[at & (crossed["method"] == method) & (crossed["against"] == METHODS[0])]["better from"]
     return None if found == "" else MANY if found == "all" else int(found)
@@ -167,8 +156,9 @@ def sources(work: Work) -> Rows:
 
 
 @as_table
-def recordings(work: Work, called: pd.DataFrame) -> Rows:
+def recordings(work: Work) -> Rows:
     """Every recording: what the network without a label calls it, in how many of the seeds it is right."""
+    called = work["calls"]
     zero = called[(called["records"] == 0) & (called["split"] == SPLITS[0])]
     for (name, recording), part in zero.groupby(["data", "recording"], sort=False):
         data = work["data"][str(name)]
@@ -215,32 +205,28 @@ def judging(work: Work, data: Measured, recording: str) -> list[dict[str, Any]]:
     return [a.value for a in work["alarms"] if a.job.data == data.name and a.job.without == without]
 
 
-@as_table
-def _severities(work: Work) -> Rows:
-    """A row per recording: median MQE of its windows and how far over threshold, mean over seeds."""
+def severity(work: Work) -> pd.DataFrame:
+    """MQE of every recording, median of its windows, mean over seeds; of a healthy one by the map of the others, whose
+    threshold is another: `over threshold` is what compares."""
+    rows = []
     for name, data in work["data"].items():
         for r in data.recordings:
             here = judging(work, data, r)
             mean = {k: np.mean([v["recordings"][r][k] for v in here]) for k in ("mqe", "mqe low", "mqe high", "share")}
-            yield {
+            rows.append({
                 "data": TITLES[name], "class": data.classes[data.labels[r]], "bearing": data.bearings[r],
                 "size": data.sizes[r], "speed, rpm": data.speeds_rpm[r], "recording": r, "MQE": mean["mqe"],
                 "MQE, 10 %": mean["mqe low"], "MQE, 90 %": mean["mqe high"],
                 "over threshold": np.mean([v["recordings"][r]["mqe"] / v["threshold"] for v in here]),
                 "windows in alarm": mean["share"],
-            }  # fmt: skip
-
-
-def severity(work: Work) -> pd.DataFrame:
-    """MQE of every recording, median of its windows, mean over seeds; of a healthy one by the map of the others, whose
-    threshold is another: `over threshold` is what compares."""
-    return _severities(work).sort_values(["data", "class", "size", "recording"], ignore_index=True)
+            })  # fmt: skip
+    return pd.DataFrame(rows).sort_values(["data", "class", "size", "recording"], ignore_index=True)
 
 
 @as_table
 def size(work: Work) -> Rows:
     """Does MQE rise with the size of a defect? By fault and place in the order of speeds, and where it does not."""
-    table = severity(work)
+    table = work.tables["availability-severity"]
     for (data, fault), part in table[table["class"] != "healthy"].groupby(["data", "class"], sort=False):
         means = part.groupby("size")["MQE"].mean()
         sizes, values = list(means.index), list(means)

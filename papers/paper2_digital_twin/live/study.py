@@ -2,7 +2,7 @@
 
 import re
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from typing import Any, Final
 
 import numpy as np
@@ -17,22 +17,11 @@ from papers.paper2_digital_twin.live_twin.twin import WATCHED
 from twingap.rigs.drifting import COOLED, REFILLED, WEARS
 from twingap.sweep import Result
 
-DATA: Final = "virtual machine"
 WHOLE = "after commissioning"
 DRIFT = "under drift"  # from the beginning of the wear on, cooling included: the drift scenario of the target
 LAW = "law"
 ALARM = re.compile(rf"({'|'.join(WATCHED)}) drifts ")
 """How the reason of an update begins that an alarm led to, whatever came of it: with no better values it is "kept"."""
-
-
-def all_tables(work: Work) -> dict[str, pd.DataFrame]:
-    options, drifting = work.options, work["drifting"]
-    found = {
-        "live-errors": errors(drifting), "live-targets": targets(options, drifting),
-        "live-false-alarms": false_alarms(options, work["steady"]), "live-messages": messages(drifting),
-        "live-cost": cost(drifting),
-    }  # fmt: skip
-    return {name: table.assign(data=DATA) for name, table in found.items()}
 
 
 def metrics(work: Work) -> dict[str, float]:
@@ -157,10 +146,6 @@ LINES: Final = {
 TRUTH: Final = "#009E73"
 
 
-def all_figures(work: Work) -> Iterator[tuple[str, Figure]]:
-    yield "live-drift", day(work["drifting"][0])
-
-
 def day(first: Result[jobs.Scenario]) -> Figure:
     """The first machine's run: what it goes through, and how its twins keep up."""
     course, arms = first.value["course"], first.value["arms"]
@@ -215,14 +200,21 @@ def _parameter(panel: Any, course: Any, arms: Any, name: str, title: str) -> Non
 STUDY = Study(
     name="live",
     title="live updating",
-    data=DATA,
+    data="virtual machine",
+    named=True,
     options=jobs.Options,
     steps=(
         Step("drifting", jobs.live_through, jobs.drifting, as_input),
         Step("steady", jobs.live_through, jobs.steady, as_input),
     ),
-    tables=all_tables,
+    tables={
+        "live-errors": lambda work: errors(work["drifting"]),
+        "live-targets": lambda work: targets(work.options, work["drifting"]),
+        "live-false-alarms": lambda work: false_alarms(work.options, work["steady"]),
+        "live-messages": lambda work: messages(work["drifting"]),
+        "live-cost": lambda work: cost(work["drifting"]),
+    },
     metrics=metrics,
-    figures=all_figures,
+    figures={"live-drift": lambda work: day(work["drifting"][0])},
     headlines=("live-targets", "live-false-alarms"),
 )

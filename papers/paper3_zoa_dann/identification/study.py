@@ -1,40 +1,23 @@
 """Identification study, and its tables."""
 
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-import pandas as pd
 
 from papers.framework import Rows, Step, Study, Work, as_input, as_table
 from papers.paper3_zoa_dann.identification import figures, jobs
 from papers.paper3_zoa_dann.identification.agreement import METRICS
-from twingap.sweep import Result
 
 READINGS = ("contact alone", "with noises")
 KINDS = ("waveform", "spectrum")
 
 
-def all_tables(work: Work) -> dict[str, pd.DataFrame]:
-    found = agreement(work["comparisons"])
-    tables = {
-        "identification-convergence": convergence(work["searches"]),
-        "identification-agreement": found,
-        "identification-drops": drops(found, work.options),
-        "identification-recovery": recovery(work["recoveries"], work.options.snr_db),
-    }
-    for table in tables.values():
-        table["data"] = work.title
-    tables["identification-recovery"]["data"] = "simulated machines"
-    return tables
-
-
 @as_table
-def convergence(searches: Sequence[Result[jobs.Search]]) -> Rows:
+def convergence(work: Work) -> Rows:
     """Cost that each optimiser has reached in the end, over seeds; ``near`` is the median number of evaluations after
     which a run is within 1 % of the least cost of all, empty when half of the runs never are."""
-    keys = list(dict.fromkeys((r.job.fault, r.job.setting) for r in searches))
-    for fault, setting in keys:
+    searches = work["searches"]
+    for fault, setting in dict.fromkeys((r.job.fault, r.job.setting) for r in searches):
         here = [r for r in searches if (r.job.fault, r.job.setting) == (fault, setting)]
         least = min(float(r.value["best"][-1]) for r in here)
         for optimiser in dict.fromkeys(r.job.optimiser for r in here):
@@ -53,9 +36,9 @@ def convergence(searches: Sequence[Result[jobs.Search]]) -> Rows:
 
 
 @as_table
-def agreement(comparisons: Sequence[Result[jobs.Comparison]]) -> Rows:
+def agreement(work: Work) -> Rows:
     """Metrics of each twin on the half of the recording that it was not fitted to."""
-    for r in comparisons:
+    for r in work["comparisons"]:
         for reading in READINGS:
             metrics = {f"{kind} {m}": r.value[f"{reading}: {kind} {m}"] for kind in KINDS for m in METRICS}
             yield {
@@ -66,8 +49,9 @@ def agreement(comparisons: Sequence[Result[jobs.Comparison]]) -> Rows:
 
 
 @as_table
-def drops(found: pd.DataFrame, options: jobs.Options) -> Rows:
+def drops(work: Work) -> Rows:
     """By how many percent each metric falls from the setting's first twin to the others, mean and range over faults."""
+    found = work.tables["identification-agreement"]
     for (setting, reading), here in found.groupby(["setting", "reading"], sort=False):
         first = here["twin"].iloc[0]
         before = here[here["twin"] == first].set_index("fault")
@@ -75,7 +59,7 @@ def drops(found: pd.DataFrame, options: jobs.Options) -> Rows:
             after = here[here["twin"] == twin].set_index("fault")
             for kind in KINDS:
                 row: dict[str, Any] = {"setting": setting, "reading": reading, "from": first, "to": twin, "of": kind}
-                for metric, published in zip(METRICS, options.published_drops, strict=True):
+                for metric, published in zip(METRICS, work.options.published_drops, strict=True):
                     name = f"{kind} {metric}"
                     change = 100 * (1 - after[name] / before[name])
                     row |= {
@@ -86,18 +70,19 @@ def drops(found: pd.DataFrame, options: jobs.Options) -> Rows:
 
 
 @as_table
-def recovery(recoveries: Sequence[Result[jobs.Recovery]], snr_db: float) -> Rows:
+def recovery(work: Work) -> Rows:
     """How far identified parameters of simulated machines are off, and how often 90 % intervals hold them."""
-    for fault in dict.fromkeys(r.job.fault for r in recoveries):
-        here = [r.value for r in recoveries if r.job.fault == fault]
+    for fault in dict.fromkeys(r.job.fault for r in work["recoveries"]):
+        here = [r.value for r in work["recoveries"] if r.job.fault == fault]
         for name in ("stiffness", "damping"):
             off = np.abs([v[name] for v in here])
             inside = [v[f"{name} inside"] for v in here if v[f"{name} inside"] is not None]
             yield {
-                "fault": fault, "parameter": name, "snr_db": snr_db, "machines": len(here),
+                "fault": fault, "parameter": name, "snr_db": work.options.snr_db, "machines": len(here),
                 "median off %": 100 * np.median(off), "most off %": 100 * off.max(),
                 "within 5 %": f"{(off <= 0.05).sum()} of {off.size}",
                 "in 90 % interval": f"{sum(inside)} of {len(inside)}", "without interval": len(here) - len(inside),
+                "data": "simulated machines",
             }  # fmt: skip
 
 
@@ -117,7 +102,13 @@ STUDY = Study(
         Step("comparisons", jobs.compare, jobs.comparisons, jobs.both),
         Step("recoveries", jobs.recover, jobs.machines, as_input),
     ),
-    tables=all_tables,
+    named=True,
+    tables={
+        "identification-convergence": convergence,
+        "identification-agreement": agreement,
+        "identification-drops": drops,
+        "identification-recovery": recovery,
+    },
     figures=figures.all_figures,
     letters=(14, 13),
     headlines=("identification-drops", "identification-recovery"),

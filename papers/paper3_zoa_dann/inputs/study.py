@@ -1,10 +1,8 @@
 """Study of inputs, its tables, and a figure of the spectra that classes confuse."""
 
-from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
-import pandas as pd
 from matplotlib.figure import Figure
 
 from papers.figures import LINE_NAMES, subplots
@@ -20,28 +18,18 @@ from twingap.adapt.views import ORDERS
 from twingap.sweep import Result
 
 
-def all_tables(work: Work) -> dict[str, pd.DataFrame]:
-    results, options, title = work["results"], work.options, work.title
-    told = [{"data": title, "task": r.task.title, **r.identified} for r in results]
-    return {
-        "accuracy": accuracy(results, options, title), "confusion": confusion(results, options, title),
-        "recordings": recordings(results, options, title), "adaptation": adaptation(results, options, title),
-        "selection": selection(results, title), "identification": pd.DataFrame(told),
-    }  # fmt: skip
-
-
 @as_table
-def accuracy(results: Sequence[TaskResult], options: Options, data: str) -> Rows:
+def accuracy(work: Work) -> Rows:
     """A row per task, input and method, then the yardsticks. ``oracle`` is of the checkpoint that target labels would
     have chosen; "chosen by ..." takes, for each seed, the input and method with the highest label-free score."""
-    for result in results:
+    for result in work["results"]:
         for (view, method), trainings in result.cells.items():
-            yield _row(result, data, view, LABELS[method], trainings, options)
-        chosen = f"chosen by {options.judging.criterion}"
-        yield _row(result, data, "any", chosen, _chosen(result, options), options)
-        yield _yardstick(result, data, "-", "majority class", result.majority)
-        yield _yardstick(result, data, "envelope", "analyst's rule", result.analyst)
-        yield _yardstick(result, data, "envelope", "analyst's rule, whole recordings", result.analyst_whole)
+            yield _row(result, work.title, view, LABELS[method], trainings, work.options)
+        chosen = f"chosen by {work.options.judging.criterion}"
+        yield _row(result, work.title, "any", chosen, _chosen(result, work.options), work.options)
+        yield _yardstick(result, work.title, "-", "majority class", result.majority)
+        yield _yardstick(result, work.title, "envelope", "analyst's rule", result.analyst)
+        yield _yardstick(result, work.title, "envelope", "analyst's rule, whole recordings", result.analyst_whole)
 
 
 def _chosen(result: TaskResult, options: Options) -> list[Result[Job]]:
@@ -79,10 +67,10 @@ def _yardstick(result: TaskResult, data: str, view: str, method: str, found: Sco
 
 
 @as_table
-def confusion(results: Sequence[TaskResult], options: Options, data: str) -> Rows:
+def confusion(work: Work) -> Rows:
     """Windows by true and predicted class, summed over seeds, and those of the analyst's rule."""
-    classes = options.target.classes
-    for result in results:
+    classes = work.options.target.classes
+    for result in work["results"]:
         counts = {
             (view, LABELS[method]): np.sum([t.value["confusion"] for t in trainings], axis=0)
             for (view, method), trainings in result.cells.items()
@@ -90,15 +78,15 @@ def confusion(results: Sequence[TaskResult], options: Options, data: str) -> Row
         counts["envelope", "analyst's rule"] = result.analyst.confusion
         for (view, method), table in counts.items():
             for true, line in zip(classes, table, strict=True):
-                about = {"data": data, "task": result.task.title, "input": view, "method": method, "true": true}
+                about = {"data": work.title, "task": result.task.title, "input": view, "method": method, "true": true}
                 yield about | {f"called {name}": int(n) for name, n in zip(classes, line, strict=True)}
 
 
 @as_table
-def recordings(results: Sequence[TaskResult], options: Options, data: str) -> Rows:
+def recordings(work: Work) -> Rows:
     """What each recording's windows are called, as shares over windows and seeds; by the analyst's rule as well."""
-    classes = options.target.classes
-    for result in results:
+    classes = work.options.target.classes
+    for result in work["results"]:
         groups, conditions = result.measured.evaluate.group, result.task.evaluate.conditions
         called = {
             (view, LABELS[method]): [np.concatenate([t.value["probabilities"][groups == c.group] for t in trainings])
@@ -112,20 +100,20 @@ def recordings(results: Sequence[TaskResult], options: Options, data: str) -> Ro
                 counts = np.bincount(probabilities.argmax(axis=1), minlength=len(classes))
                 shares = zip(classes, counts / counts.sum(), strict=True)
                 yield {
-                    "data": data, "task": result.task.title, "input": view, "method": method,
+                    "data": work.title, "task": result.task.title, "input": view, "method": method,
                     "recording": condition.name, "bearing": condition.extra["bearing_id"], "true": condition.fault,
                     **{f"called {name}": round(float(share), 3) for name, share in shares},
                 }  # fmt: skip
 
 
 @as_table
-def selection(results: Sequence[TaskResult], data: str) -> Rows:
+def selection(work: Work) -> Rows:
     """Accuracy by the criterion that chose the checkpoint, mean over seeds; the last and the oracle beside them."""
-    for result in results:
+    for result in work["results"]:
         for (view, method), trainings in result.cells.items():
             values = [t.value for t in trainings]
             yield {
-                "data": data, "task": result.task.title, "input": view, "method": LABELS[method],
+                "data": work.title, "task": result.task.title, "input": view, "method": LABELS[method],
                 **{name: np.mean([v["accuracy"][v["chosen"][name]] for v in values]) for name in values[0]["chosen"]},
                 "last checkpoint": np.mean([v["accuracy"][-1] for v in values]),
                 "oracle (target labels)": np.mean([max(v["accuracy"]) for v in values]),
@@ -133,24 +121,25 @@ def selection(results: Sequence[TaskResult], data: str) -> Rows:
 
 
 @as_table
-def adaptation(results: Sequence[TaskResult], options: Options, data: str) -> Rows:
+def adaptation(work: Work) -> Rows:
     """What adaptation adds: accuracy of DANN minus that without, paired by seed, mean over tasks, by input;
     ``domain_accuracy`` is the discriminator's in the end (0.5: it can no longer tell)."""
-    for view in dict.fromkeys(view for result in results for view, _ in result.cells):
+    for view in dict.fromkeys(view for result in work["results"] for view, _ in result.cells):
         gains, told = [], []
-        for result in results:
+        for result in work["results"]:
             by_method = {method: trainings for (v, method), trainings in result.cells.items() if v == view}
             plain, adapted = ([t.value["accuracy"][t.value["place"]] for t in by_method[m]] for m in LABELS)
             gains.append(np.subtract(adapted, plain))
             told += [t.value["domain_accuracy"][-1] for t in by_method["dann"]]
         of_seeds = np.mean(gains, axis=0)
-        row = {"data": data, "input": view, "tasks": len(results), "gain": float(of_seeds.mean())}
-        row |= intervals(of_seeds, options.judging.levels)
+        row = {"data": work.title, "input": view, "tasks": len(work["results"]), "gain": float(of_seeds.mean())}
+        row |= intervals(of_seeds, work.options.judging.levels)
         yield row | {"domain_accuracy": float(np.mean(told))}
 
 
-def all_figures(work: Work) -> Iterator[tuple[str, Figure]]:
-    yield "spectra", spectra(work["results"][0], work.options, work.title)
+@as_table
+def identification(work: Work) -> Rows:
+    yield from ({"data": work.title, "task": r.task.title, **r.identified} for r in work["results"])
 
 
 def spectra(result: TaskResult, options: Options, data: str) -> Figure:
@@ -195,8 +184,15 @@ STUDY = Study(
     title="a plain network, with and without adaptation, trained on the contact twin",
     options=Options,
     steps=(Step("target", jobs.load), Step("results", jobs.results)),
-    tables=all_tables,
-    figures=all_figures,
+    tables={
+        "accuracy": accuracy,
+        "confusion": confusion,
+        "recordings": recordings,
+        "adaptation": adaptation,
+        "selection": selection,
+        "identification": identification,
+    },
+    figures={"spectra": lambda work: spectra(work["results"][0], work.options, work.title)},
     headlines=("accuracy", "adaptation"),
     columns={"accuracy": ("task", "input", "method", "accuracy", "std", "low_95", "high_95", "oracle")},
 )
