@@ -18,7 +18,8 @@ import numpy as np
 
 from papers.framework import Work
 from papers.options import expect
-from papers.paper2_digital_twin.live_twin import LiveOptions, LiveTwin, Message, OrderOptions, Snapshot, StateMessage
+from papers.paper2_digital_twin.live_twin.messages import Message, OrderOptions, Snapshot, StateMessage
+from papers.paper2_digital_twin.live_twin.twin import LiveOptions, LiveTwin
 from twingap import BEARINGS
 from twingap.rigs.drifting import Drifting, arrivals
 from twingap.twins.contact_parameters import PRESETS

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from papers.paper2_digital_twin.live_twin import ClearanceLaw, DampingLaw
+from papers.paper2_digital_twin.live_twin.laws import ClearanceLaw, DampingLaw
 from twingap.bearing import BEARINGS
 from twingap.errors import TwingapError
 

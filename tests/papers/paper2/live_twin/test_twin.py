@@ -9,22 +9,12 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from papers.paper2_digital_twin.live_twin import (
-    Band,
-    Laws,
-    LiveOptions,
-    LiveTwin,
-    MachineState,
-    Message,
-    OrderOptions,
-    Snapshot,
-    SpectrumModel,
-    StateMessage,
-    refit,
-    relative_error,
-    spectrum,
-)
-from papers.paper2_digital_twin.live_twin.refit import deviation
+from papers.paper2_digital_twin.live_twin import spectrum
+from papers.paper2_digital_twin.live_twin.laws import Laws
+from papers.paper2_digital_twin.live_twin.messages import Message, OrderOptions, Snapshot, StateMessage
+from papers.paper2_digital_twin.live_twin.refit import deviation, refit, relative_error
+from papers.paper2_digital_twin.live_twin.spectrum import Band, MachineState, SpectrumModel
+from papers.paper2_digital_twin.live_twin.twin import LiveOptions, LiveTwin
 from twingap.bearing import BEARINGS
 from twingap.errors import TwingapError
 from twingap.records import Condition
