@@ -9,9 +9,9 @@ from matplotlib.figure import Figure
 from papers.extra.femto.jobs import at_hand
 from papers.extra.femto_lives import jobs
 from papers.extra.life_gap.study import verdict
-from papers.figures import rule, subplots
+from papers.figures import name_axes, rule, subplots
 from papers.framework import Rows, Step, Study, Work, as_table
-from papers.intervals import compared
+from papers.intervals import by_seed, compared
 from papers.paper1_rul_varying_speed.job import Job
 from papers.paper1_rul_varying_speed.methods.metrics import rmse
 
@@ -59,13 +59,9 @@ def errors(work: Work) -> Rows:
 def summary(every: pd.DataFrame) -> Rows:
     """By wait, model and twin: mean RMSE over runs, and its ratio to that of the printed twin with a 90 % interval."""
     for (wait, model), own in every.groupby(["wait_min", "model"], sort=False):
-        tables = {
-            twin: part.pivot(index="bearing", columns="seed", values="rmse_min") for twin, part in own.groupby("twin")
-        }
-        before = tables[AS_PRINTED]
-        for twin in TWINS[1:]:
-            after = tables.get(twin, before.iloc[:0])
-            yield {"data": "FEMTO", "wait_min": wait, "model": model, "twin": twin, **compared(before, after)}
+        printed, *others = (by_seed(own[own["twin"] == twin]) for twin in TWINS)
+        for twin, errors in zip(TWINS[1:], others, strict=True):
+            yield {"data": "FEMTO", "wait_min": wait, "model": model, "twin": twin, **compared(printed, errors)}
 
 
 MARKS: Final = {AS_PRINTED: ("#D55E00", "o", -0.22), NAMED: ("#0072B2", "s", 0.0), CLOSED: ("#009E73", "^", 0.22)}
@@ -95,11 +91,8 @@ def lives(every: pd.DataFrame, runs: pd.DataFrame) -> Figure:
             axes.set_ylim(bottom=0)
             axes.set_title(f"{model}, {wait:g} min after the alarm")
             rule(axes, "y")
-        line[0].set_ylabel("RMSE, min")
-    for axes in panels[-1]:
-        axes.set_xlabel("FEMTO bearing")
-    handles, labels = panels[0, 0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=4, handlelength=2.4)
+    name_axes(panels, "FEMTO bearing", "RMSE, min")
+    figure.legend(*panels[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=4, handlelength=2.4)
     return figure
 
 

@@ -11,7 +11,7 @@ from papers.extra.life_gap import diagnoses, jobs
 from papers.extra.life_gap.diagnoses import Asked
 from papers.figures import rule, subplots
 from papers.framework import Result, Rows, Step, Study, Work, as_table
-from papers.intervals import compared
+from papers.intervals import by_seed, compared
 
 
 @as_table
@@ -54,8 +54,7 @@ def errors(work: Work) -> Rows:
 def summary(every: pd.DataFrame) -> Rows:
     """Mean RMSE over runs by model, before and after, and the ratio with its 90 % interval over seeds."""
     for model, own in every.groupby("model", sort=False):
-        parts = (own[own["added"] == ""], own[own["added"] != ""])
-        before, after = (part.pivot(index="bearing", columns="seed", values="rmse_min") for part in parts)
+        before, after = (by_seed(part) for part in (own[own["added"] == ""], own[own["added"] != ""]))
         yield {"data": own["data"].iloc[0], "model": model, **compared(before, after)}
 
 
@@ -89,8 +88,7 @@ def gaps(told: pd.DataFrame) -> Figure:
         axes.set_ylabel("overall gap")
         axes.set_xlabel(grouped["data"].iloc[0], labelpad=8)
         rule(axes, "y")
-    handles, labels = figure.axes[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=3)
+    figure.legend(*figure.axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=3)
     return figure
 
 

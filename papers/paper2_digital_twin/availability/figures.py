@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from papers.figures import subplots
+from papers.figures import name_axes, subplots
 from papers.framework import Work
 from papers.paper2_digital_twin.availability.records import SPLITS, TITLES
 from papers.paper2_digital_twin.availability.tables import METHODS, judging
@@ -36,23 +36,17 @@ def crossings(accuracy: pd.DataFrame, crossed: pd.DataFrame) -> Figure:
                 middle, low, high = (100 * mine[name].to_numpy(dtype=float) for name in ("accuracy", "low", "high"))
                 panel.errorbar(
                     places, middle, yerr=np.nan_to_num(np.maximum([middle - low, high - middle], 0)), color=colour,
-                    marker=marker, linestyle=line, capsize=3, label=_shown(method),
+                    marker=marker, linestyle=line, capsize=3,
+                    label="network from the twin" if method == METHODS[0] else method,
                 )  # fmt: skip
             _mark(panel, here, crossed[(crossed["data"] == title) & (crossed["split by"] == split)], steps)
             panel.set_xticks(range(len(steps)), steps)
             panel.set_title(f"{title}, split by {split}")
             panel.grid(alpha=0.3)
             panel.set_ylim(20, 103)
-            if row == len(titles) - 1:
-                panel.set_xlabel("labelled records of each fault")
-            if column == 0:
-                panel.set_ylabel("recordings called right, %")
+    name_axes(panels, "labelled records of each fault", "recordings called right, %")
     panels[0, 0].legend(loc="lower right")
     return figure
-
-
-def _shown(method: str) -> str:
-    return "network from the twin" if method == METHODS[0] else method
 
 
 def _mark(panel: Any, accuracy: pd.DataFrame, crossed: pd.DataFrame, steps: list[str]) -> None:

@@ -157,14 +157,14 @@ def at_noise(runs: pd.DataFrame, snr_db: float, levels: Sequence[float]) -> pd.D
     rows = []
     main = runs[runs["main"] & (runs["available"] == "balanced")]
     for (data, task, method), own in main.groupby(["data", "task", "method"], sort=False):
-        noisy = own[own["snr_db"] == snr_db].set_index("seed")["accuracy"]
-        if not len(noisy):
+        noisy = own[own["snr_db"] == snr_db].set_index("seed")
+        if noisy.empty:
             continue
         quiet = own[own["noise"] == CLEAN].set_index("seed")["accuracy"].reindex(noisy.index)
-        oracle = own.loc[own["snr_db"] == snr_db, "oracle"].mean()
         rows.append({
             "data": data, "task": task, "noise": noise_words(snr_db), "method": method, "seeds": len(noisy),
-            **_summary(noisy, levels), "oracle": oracle, "loss": 100 * (quiet - noisy).mean(),
+            **_summary(noisy["accuracy"], levels), "oracle": noisy["oracle"].mean(),
+            "loss": 100 * (quiet - noisy["accuracy"]).mean(),
         })  # fmt: skip
     columns = ["data", "task", "noise", "method", "seeds", "accuracy", "accuracy_std", "oracle", "loss"]
     return pd.DataFrame(rows) if rows else pd.DataFrame(columns=columns)
