@@ -276,14 +276,14 @@ class LiveTwin:
         assert self._theta is not None
         laws, best, tried = self.model.laws, self._theta, []
         for share in FILM_SHARES:
-            self.model.laws = replace(laws, damping=replace(laws.damping, film=share))
+            self.model.laws = replace(laws, film=share)
             try:
                 fit = self._refit(best, seen, 5)
             except TwingapError:
                 continue
             tried.append((fit.after, share, fit))
         error, share, fit = min(tried, key=lambda one: one[0])
-        self.model.laws, self._theta = replace(laws, damping=replace(laws.damping, film=share)), fit.theta
+        self.model.laws, self._theta = replace(laws, film=share), fit.theta
         why = f"{update.why}; warming up showed the film's share of the damping: {share:g}"
         after = self._values(seen[-1].state)
         return replace(update, why=why, after=after, error_after=error, seconds=time.process_time() - began)

@@ -23,7 +23,8 @@ def convergence(work: Work) -> Rows:
         for optimiser in dict.fromkeys(r.job.optimiser for r in here):
             runs = [r.value for r in here if r.job.optimiser == optimiser]
             cost = np.array([float(v["best"][-1]) for v in runs])
-            near = [_first(np.asarray(v["best"]) <= 1.01 * least) for v in runs]
+            # Evaluations until a run is near the least for the first time; infinity when it never is.
+            near = [next((n for n, c in enumerate(v["best"], 1) if c <= 1.01 * least), np.inf) for v in runs]
             k, c = (np.array([v[name] for v in runs]) for name in ("stiffness", "damping"))
             half = float(np.median(near))
             yield {
@@ -84,12 +85,6 @@ def recovery(work: Work) -> Rows:
                 "in 90 % interval": f"{sum(inside)} of {len(inside)}", "without interval": len(here) - len(inside),
                 "data": "simulated machines",
             }  # fmt: skip
-
-
-def _first(true: Any) -> float:
-    """Evaluations until it is true for the first time; infinity when it never is."""
-    at = np.flatnonzero(true)
-    return float(at[0] + 1) if at.size else np.inf
 
 
 STUDY = Study(

@@ -27,7 +27,7 @@ def trainings(work: Work) -> pd.DataFrame:
             "recordings_right": v["recordings_right"], "recordings": v["recordings"], "oracle": max(v["accuracy"]),
             "source_accuracy": v["source_accuracy"], "domain_accuracy": v["domain_accuracy"][-1],
             "last checkpoint": v["accuracy"][-1], "score": v["criteria"][criterion][v["place"]],
-            **{name: v["accuracy"][place] for name, place in v["chosen"].items()},
+            **{f"by {name}": v["accuracy"][place] for name, place in v["chosen"].items()},
         }
         for result in work["results"]
         for t, v in ((t, t.value) for t in result.trainings)
@@ -104,8 +104,13 @@ def recordings(work: Work) -> Rows:
 def selection(work: Work) -> pd.DataFrame:
     """Accuracy by the criterion that chose the checkpoint, mean over seeds; the last and the oracle beside them."""
     cells = trainings(work).groupby(["data", "task", "input", "method"], sort=False)
-    found = cells[[*CRITERIA, "last checkpoint", "oracle"]].mean().reset_index()
-    return found.rename(columns={"oracle": "oracle (target labels)"})
+    names = {f"by {name}": name for name in CRITERIA} | {"oracle": "oracle (target labels)"}
+    return (
+        cells[[*(f"by {name}" for name in CRITERIA), "last checkpoint", "oracle"]]
+        .mean()
+        .reset_index()
+        .rename(columns=names)
+    )
 
 
 @as_table
