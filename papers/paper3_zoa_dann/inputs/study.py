@@ -104,13 +104,9 @@ def recordings(work: Work) -> Rows:
 def selection(work: Work) -> pd.DataFrame:
     """Accuracy by the criterion that chose the checkpoint, mean over seeds; the last and the oracle beside them."""
     cells = trainings(work).groupby(["data", "task", "input", "method"], sort=False)
-    names = {f"by {name}": name for name in CRITERIA} | {"oracle": "oracle (target labels)"}
-    return (
-        cells[[*(f"by {name}" for name in CRITERIA), "last checkpoint", "oracle"]]
-        .mean()
-        .reset_index()
-        .rename(columns=names)
-    )
+    chosen = {f"by {name}": name for name in CRITERIA}
+    found = cells[[*chosen, "last checkpoint", "oracle"]].mean().reset_index()
+    return found.rename(columns=chosen | {"oracle": "oracle (target labels)"})
 
 
 @as_table
