@@ -212,18 +212,18 @@ def layers(own: LifeArchitecture) -> list[tuple[str, int, str]]:
     return made
 
 
-@as_table
-def selection(results: Sequence[CaseResult], data: str) -> Rows:
+def selection(results: Sequence[CaseResult], data: str) -> pd.DataFrame:
     """RMSE (min) by the criterion that chose the checkpoint, mean over seeds; the last and the oracle beside them."""
-    for result in results:
-        for model in result.models:
-            values = [t.value for t in result.of(model)]
-            yield {
-                "data": data, "twin": result.variant, "bearing": result.case.name, "model": model,
-                **{name: np.mean([v["rmse_min"][v["chosen"][name]] for v in values]) for name in values[0]["chosen"]},
-                "last checkpoint": np.mean([v["rmse_min"][-1] for v in values]),
-                "oracle (true lives)": np.mean([min(v["rmse_min"]) for v in values]),
-            }  # fmt: skip
+    rows = pd.DataFrame(
+        {
+            "data": data, "twin": result.variant, "bearing": result.case.name, "model": t.job.model,
+            **{name: t.value["rmse_min"][place] for name, place in t.value["chosen"].items()},
+            "last checkpoint": t.value["rmse_min"][-1], "oracle (true lives)": min(t.value["rmse_min"]),
+        }
+        for result in results
+        for t in result.trainings
+    )  # fmt: skip
+    return rows.groupby(["data", "twin", "bearing", "model"], sort=False, as_index=False).mean()
 
 
 def predictions(results: Sequence[CaseResult], data: str) -> pd.DataFrame:

@@ -301,17 +301,11 @@ def claims(work: Work) -> pd.DataFrame:
         part = nine[nine["run"].isin(there)].reindex(columns=[*dict.fromkeys((*nine.columns, *ranked))])
         part = part[part["sensitivity rank"].notna()]
         count, several = len(part), f"{family}, all readings of all runs that have nine"
-        first = int((part["sensitivity rank"] == 1).sum())
         rank = f", median rank {part['sensitivity rank'].median():.0f}" if count else ""
-        claim(
-            "fusion feature 9 is the most sensitive", several, f"first in {first} of {count} readings{rank}",
-            0 < count == first,
-        )  # fmt: skip
-        first = int((part["sensitivity rank among 9 on"] == 1).sum())
-        claim(
-            "fusion feature 9 is the most sensitive of 9 to 15", several, f"first in {first} of {count} readings",
-            0 < count == first,
-        )  # fmt: skip
+        for among, column, median in (("", ranked[0], rank), (" of 9 to 15", ranked[1], "")):
+            first = int((part[column] == 1).sum())
+            said = f"first in {first} of {count} readings{median}"
+            claim(f"fusion feature 9 is the most sensitive{among}", several, said, 0 < count == first)
         for learnt in ("whole run", "healthy start"):
             own = part[(part["learnt from"] == learnt) & (part["order"] == "descending")]
             share, better = own["variance share"].mean(), int(own["later better"].sum())
