@@ -272,10 +272,6 @@ def load_sets(work: Work) -> dict[str, RecordSet]:
     return found
 
 
-def measured(work: Work) -> dict[str, Measured]:
-    return {name: records.measure(found, name, work.options.image) for name, found in work["records"].items()}
-
-
 def healthy(work: Work) -> dict[str, dict[str, Background]]:
     """Each set's recordings that a twin may stand on."""
     image = work.options.image

@@ -2,6 +2,7 @@
 
 from papers.framework import Step, Study
 from papers.paper2_digital_twin.availability import figures, jobs, tables
+from papers.paper2_digital_twin.availability.records import measure
 
 STUDY = Study(
     name="availability",
@@ -9,7 +10,7 @@ STUDY = Study(
     options=jobs.Options,
     steps=(
         Step("records", jobs.load_sets),
-        Step("data", jobs.measured),
+        Step("data", lambda work: {n: measure(own, n, work.options.image) for n, own in work["records"].items()}),
         Step("healthy", jobs.healthy),
         Step("shallows", jobs.shallow, jobs.shallows, jobs.of_data),
         Step("alarms", jobs.alarm, jobs.alarms, jobs.of_data),

@@ -16,6 +16,7 @@ from twingap.prognosis.indicator_criteria import causal_trend
 
 COMBINED = ("combined power 3", "combined power 5")
 EXPONENTIALS = ("exponential", "exponential with offset")
+MEASURED = ("monotonicity", "trendability", "robustness", "suitability", "sensitivity")
 SCALINGS: Final[tuple[Literal["z", "range"], ...]] = ("z", "range")
 ORDERS: Final[tuple[Literal["descending", "ascending"], ...]] = ("descending", "ascending")
 
@@ -94,12 +95,8 @@ def choice(work: Work) -> Rows:
             if name is None or name not in j.criteria:
                 yield {"run": j.run.name, "role": role, "candidate": "there is none"}
                 continue
-            c = j.criteria[name]
-            yield {
-                "run": j.run.name, "role": role, "candidate": name, "monotonicity": c.monotonicity,
-                "trendability": c.trendability, "robustness": c.robustness, "suitability": c.suitability,
-                "sensitivity": c.sensitivity,
-            }  # fmt: skip
+            measured = {what: getattr(j.criteria[name], what) for what in MEASURED}
+            yield {"run": j.run.name, "role": role, "candidate": name, **measured}
 
 
 @as_table

@@ -1,7 +1,6 @@
 """Study of live updating, its tables, and a figure of one machine's day."""
 
 import re
-from collections import Counter
 from collections.abc import Sequence
 from typing import Any, Final
 
@@ -112,11 +111,9 @@ def false_alarms(options: jobs.Options, steady: Sequence[Result[jobs.Scenario]])
 
 def messages(drifting: Sequence[Result[jobs.Scenario]]) -> pd.DataFrame:
     """What became of the messages, summed over machines."""
-    total: Counter[tuple[str, str]] = Counter()
-    for r in drifting:
-        for kind, case, n in r.value["arms"]["live"]["messages"]:
-            total[kind, case] += n
-    return pd.DataFrame([{"message": k, "case": c, "count": n} for (k, c), n in sorted(total.items())])
+    rows = [row for r in drifting for row in r.value["arms"]["live"]["messages"]]
+    found = pd.DataFrame(rows, columns=["message", "case", "count"])
+    return found.groupby(["message", "case"], as_index=False).sum()
 
 
 @as_table
