@@ -197,8 +197,9 @@ def prepared(work: Work, task: TaskFile, target: Target, chosen: Iterable[Cell])
         parameters = identified(work, asked, own.adapt, task.name)
         # Of the machine to be diagnosed: its speed is known without any label.
         speeds = tuple(sorted({float(speed) for speed in own.evaluate.speed_rpm}))
+        stiffness, damping, white_share = (parameters[name] for name in FREE)
         recipe = Recipe(
-            *(parameters[name] for name in FREE), speeds, task.fs_hz, bearing, task.classes, source,
+            stiffness, damping, white_share, speeds, task.fs_hz, bearing, task.classes, source,
             size.bearings_per_class, size.records_per_bearing, task.window_samples, work.seed,
         )  # fmt: skip
         yield Prepared(cell, own, parameters, recipe)

@@ -94,8 +94,9 @@ def _recipe(
     identified: Mapping[str, float], task: Task, options: Options, sizes: Profile, bearing: Bearing, seed: int
 ) -> Recipe:
     speeds, fs_hz = tuple(sorted({c.speed_rpm for c in task.adapt.conditions})), task.adapt.conditions[0].fs_hz
+    stiffness, damping, white_share = (float(identified[name]) for name in FREE)
     return Recipe(
-        *(float(identified[name]) for name in FREE), speeds, fs_hz, bearing, options.target.classes, options.source,
+        stiffness, damping, white_share, speeds, fs_hz, bearing, options.target.classes, options.source,
         sizes.bearings_per_class, sizes.records_per_bearing, options.target.window_samples, seed,
     )  # fmt: skip
 
