@@ -73,18 +73,12 @@ def trials(outcomes: Sequence[TaskOutcome]) -> pd.DataFrame:
 
 
 def _sorted(runs: pd.DataFrame) -> pd.DataFrame:
-    """In the order of tasks, states, noise (none first), methods, seeds."""
-    keys = pd.DataFrame({
-        "task": runs["task"], "main": ~runs["main"], "available": _place(runs["available"], ORDER),
-        "unseen": runs["unseen"].fillna(-1.0), "noise": -runs["snr_db"], "method": _place(runs["method"], ALL),
-        "seed": runs["seed"],
-    })  # fmt: skip
-    return runs.loc[keys.sort_values(list(keys.columns), kind="stable").index].reset_index(drop=True)
-
-
-def _place(column: pd.Series[Any], order: Sequence[str]) -> pd.Series[Any]:
-    """Places in an order; what is not in it comes last."""
-    return column.map(lambda name: order.index(name) if name in order else len(order))
+    """In the order of tasks, states, noise (none first), methods, seeds; what is in no order comes last."""
+    keys = runs.assign(main=~runs["main"], unseen=runs["unseen"].fillna(-1.0), snr_db=-runs["snr_db"])
+    for name, order in (("available", ORDER), ("method", ALL)):
+        keys[name] = keys[name].map({one: place for place, one in enumerate(order)}).fillna(len(order))
+    by = ["task", "main", "available", "unseen", "snr_db", "method", "seed"]
+    return runs.loc[keys.sort_values(by, kind="stable").index].reset_index(drop=True)
 
 
 def _summary(values: Iterable[float], levels: Sequence[float]) -> dict[str, float]:
