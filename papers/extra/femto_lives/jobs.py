@@ -26,9 +26,7 @@ from papers.extra.life_gap.jobs import MODELS, added, lives_config, root_of
 from papers.framework import Inputs, Result, Work
 from papers.paper1_rul_varying_speed.cases import Case, adapted, case_of
 from papers.paper1_rul_varying_speed.job import Added, Job, job_of, train_and_judge
-from papers.paper1_rul_varying_speed.lives import options as lives_options
-from papers.paper1_rul_varying_speed.lives.options import Options as Lives
-from papers.paper1_rul_varying_speed.lives.options import read_options
+from papers.paper1_rul_varying_speed.lives import options as of_lives
 from papers.paper1_rul_varying_speed.methods.architecture import architecture_of
 from papers.paper1_rul_varying_speed.methods.run import read_run
 from twingap import RecordSet, TwingapError
@@ -45,7 +43,7 @@ PRINTED, CLOSED = "printed", "closed"  # variants of the configuration
 
 
 @dataclass(frozen=True)
-class Size(lives_options.Size):
+class Size(of_lives.Size):
     waits_min: tuple[float, ...]
 
 
@@ -66,7 +64,7 @@ class Wanted:
         return f"{self.bearing}, {self.wait_min:g} min after the alarm"
 
 
-def read_case(records: RecordSet, name: str, wait_min: float, options: Lives) -> Case:
+def read_case(records: RecordSet, name: str, wait_min: float, options: of_lives.Options) -> Case:
     """A run as the paper's recipe reads it; the end is known to the judge alone."""
     own = records.select(lambda c: c.group == name)
     run = read_run(own)
@@ -85,19 +83,19 @@ def read_case(records: RecordSet, name: str, wait_min: float, options: Lives) ->
 
 @functools.lru_cache(maxsize=12)
 def _case(name: str, wait_min: float, root: str | None, config: str) -> Case:
-    return read_case(load("femto", root), name, wait_min, read_options(Path(config)))
+    return read_case(load("femto", root), name, wait_min, of_lives.read_options(Path(config)))
 
 
 def diagnosed(wanted: Wanted, *, root: str | None, config: str) -> dict[str, Any]:
     """What the printed twin lacks, by records from the anomaly to now alone, as a row."""
     case = _case(wanted.bearing, wanted.wait_min, root, config)
-    signal = read_options(Path(config)).variants[PRINTED].signal
+    signal = of_lives.read_options(Path(config)).variants[PRINTED].signal
     asked = Asked("femto lives", SEEN, wanted.words, (wanted.bearing,), wanted.seed)
     real, sim = pair_of(asked, [case], signal)
     return row_of(asked, real, modelled(signal), sim)
 
 
-def trainings_of(case: Case, options: Lives, named: Added | None, size: Size) -> Iterator[Job]:
+def trainings_of(case: Case, options: of_lives.Options, named: Added | None, size: Size) -> Iterator[Job]:
     """Trainings of the printed twin, of the same with the named effects where there are any, and of the closed one."""
     twins = [(PRINTED, None), *([(PRINTED, named)] if named is not None else []), (CLOSED, None)]
     for seed, (variant, more), model in itertools.product(range(size.seeds), twins, MODELS):
@@ -118,7 +116,7 @@ def cases(work: Work) -> dict[Wanted, Case]:
     for place, one in enumerate(work["wanted"]):
         work.progress("femto_lives, runs read", place, len(work["wanted"]))
         try:
-            found[one] = read_case(records, one.bearing, one.wait_min, read_options(lives_config(work)))
+            found[one] = read_case(records, one.bearing, one.wait_min, of_lives.read_options(lives_config(work)))
         except TwingapError as error:
             refused[one] = str(error)
     if not found:
@@ -131,11 +129,11 @@ def inputs(work: Work) -> Inputs:
     """Where the snapshots are, and the digests of all that a diagnosis reads."""
     config = lives_config(work)
     read = f"{shipped_digest()} {digest_of_path(data_root(work.root) / 'femto')}"
-    return {"root": (root_of(work), read), "config": (str(config), repr(read_options(config)))}
+    return {"root": (root_of(work), read), "config": (str(config), repr(of_lives.read_options(config)))}
 
 
 def trained(work: Work) -> list[tuple[Wanted, Result[Job]]]:
-    options = read_options(lives_config(work))
+    options = of_lives.read_options(lives_config(work))
     told = {r.job: added(dict(r.value)) for r in work["diagnoses"]}
     found: list[tuple[Wanted, Result[Job]]] = []
     for one, case in work["cases"].items():

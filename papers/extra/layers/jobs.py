@@ -24,8 +24,7 @@ from papers.options import expect
 from papers.paper3_zoa_dann.comparison.jobs import Cell, kept_modes, prepared
 from papers.paper3_zoa_dann.comparison.jobs import read_options as read_comparison
 from papers.paper3_zoa_dann.comparison.task_files import Material, windows_to_adapt_to
-from papers.paper3_zoa_dann.inputs.options import Size
-from papers.paper3_zoa_dann.inputs.options import read_options as read_common
+from papers.paper3_zoa_dann.inputs import options as frame
 from papers.paper3_zoa_dann.source import Recipe, simulate
 from twingap.adapt import METHODS, Fitted, ModeInputs, Training, Windows, fit
 
@@ -39,7 +38,7 @@ BATCH: Final = 128
 @dataclass(frozen=True)
 class Options:
     methods: tuple[str, ...]
-    profiles: dict[str, Size]
+    profiles: dict[str, frame.Size]
 
     def __post_init__(self) -> None:
         for name in self.methods:
@@ -62,7 +61,7 @@ class Trial:
 
 def results(work: Work) -> list[tuple[str, Result[Trial]]]:
     """Every trial, with the title of its data; all bearings adapted to, balanced data."""
-    comparison, common, size = read_comparison(), read_common(), work.size
+    comparison, common, size = read_comparison(), frame.read_options(), work.size
     training = dataclasses.replace(comparison.training, steps=size.steps)
     seeds = tuple(range(work.seed, work.seed + size.seeds))
     found: list[tuple[str, Result[Trial]]] = []

@@ -17,14 +17,13 @@ from papers.framework import Result, Work
 from papers.paper3_zoa_dann.comparison.jobs import Options, Prepared, cells, kept_modes, prepared
 from papers.paper3_zoa_dann.comparison.task_files import TaskFile
 from papers.paper3_zoa_dann.comparison.trial import CLOSED, Trial, run_trial
-from papers.paper3_zoa_dann.inputs.options import Options as Common
-from papers.paper3_zoa_dann.inputs.options import read_options as read_common
+from papers.paper3_zoa_dann.inputs import options as frame
 
 QUANTITIES: Final = ("modes", "envelope_spectrum")  # the paper's first: gains are over it
 METHODS: Final = ("Non-DA", "Non-DA, gap closed", "DANN", "Proposed")
 
 
-def trials(ready: Prepared, task: TaskFile, options: Options, common: Common, steps: int) -> Iterator[Trial]:
+def trials(ready: Prepared, task: TaskFile, options: Options, common: frame.Options, steps: int) -> Iterator[Trial]:
     """Each quantity under each method, at each seed of the cell."""
     judging, cell = common.judging, ready.cell
     for seed, method, quantity in itertools.product(cell.seeds, METHODS, QUANTITIES):
@@ -38,7 +37,7 @@ def trials(ready: Prepared, task: TaskFile, options: Options, common: Common, st
 
 
 def networks(work: Work) -> list[tuple[str, Result[Trial]]]:
-    options, common, size = work.options, read_common(), work.size
+    options, common, size = work.options, frame.read_options(), work.size
     found: list[tuple[str, Result[Trial]]] = []
     for task, target in work["tasks"]:
         balanced = [cell for cell in cells(task, size, work.seed) if cell.available == "balanced"]

@@ -26,9 +26,7 @@ import numpy as np
 from papers.framework import Work
 from papers.paper1_rul_varying_speed.cases import Case, Target, load_target, read_case
 from papers.paper1_rul_varying_speed.job import Job, job_of, train_and_judge
-from papers.paper1_rul_varying_speed.lives import options as lives_options
-from papers.paper1_rul_varying_speed.lives.options import Options as Lives
-from papers.paper1_rul_varying_speed.lives.options import read_options
+from papers.paper1_rul_varying_speed.lives import options as of_lives
 from papers.paper1_rul_varying_speed.methods.adaptive_twin import Adaptation, NoLifeError, lives_that_may_follow
 from papers.paper1_rul_varying_speed.methods.architecture import MODELS, LifeArchitecture, architecture_of
 from papers.paper1_rul_varying_speed.methods.metrics import rmse
@@ -49,7 +47,7 @@ RATES: Final = tuple(float(v) for v in np.geomspace(0.4, 2.5, 121))
 
 
 @dataclass(frozen=True)
-class Size(lives_options.Size):
+class Size(of_lives.Size):
     copies: int
     models: tuple[str, ...] = tuple(ADVERSARIAL)
     lives: tuple[str, ...] = (SIMULATED, TRUE)
@@ -62,9 +60,9 @@ class Options:
     profiles: dict[str, Size]
 
 
-def lives(work: Work) -> Lives:
+def lives(work: Work) -> of_lives.Options:
     """Configuration of the twin and its trainings, on the profile's bench."""
-    options = read_options(work.config.parent / work.options.lives)
+    options = of_lives.read_options(work.config.parent / work.options.lives)
     if work.size.bench is None:
         return options
     return dataclasses.replace(options, target=dataclasses.replace(options.target, surrogate_seed=work.size.bench))
@@ -121,7 +119,7 @@ def with_true_lives(case: Case, options: Adaptation) -> Case:
     return min(found, key=lambda pair: pair[0])[1]
 
 
-def trainings_of(case: Case, options: Lives, size: Size, seed: int) -> Iterator[Job]:
+def trainings_of(case: Case, options: of_lives.Options, size: Size, seed: int) -> Iterator[Job]:
     """Models innermost: those of a seed share their simulated records."""
     for k, model in itertools.product(range(size.seeds), size.models):
         shape = architecture_of(model, printed=options.judging.printed, models=ADVERSARIAL)

@@ -42,7 +42,7 @@ def calls(work: Work) -> pd.DataFrame:
 def by_seed(work: Work) -> pd.DataFrame:
     """Share of recordings called right, and its mean over classes, for each seed."""
     keys = ["data", "split", "method", "records", "seed"]
-    called = work["calls"]
+    called: pd.DataFrame = work["calls"]
     right = called.assign(right=called["class"] == called["called"])
     found = right.groupby(keys, sort=False).agg(
         labels=("labels", "min"), recordings=("right", "size"), accuracy=("right", "mean")

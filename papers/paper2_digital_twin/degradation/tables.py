@@ -146,13 +146,13 @@ def pairs(work: Work) -> Rows:
     """Combined power against exponential, model by model; below 1 the combined power's error is lower."""
     errors = work.tables["degradation-errors"]
     for (run, indicator, fit), here in errors.groupby(["run", "indicator", "fit"], sort=False):
-        wide = here.pivot(index="share of life", columns="model", values=["rest / range", "next / range"])
         for combined, exponential in itertools.product(COMBINED, EXPONENTIALS):
             row: dict[str, Any] = {
                 "run": run, "indicator": indicator, "fit": fit, "combined": combined, "exponential": exponential,
             }  # fmt: skip
             for what in ("rest", "next"):
-                common = wide[f"{what} / range"].reindex(columns=[combined, exponential]).dropna()
+                wide = here.pivot(index="share of life", columns="model", values=f"{what} / range")
+                common = wide.reindex(columns=[combined, exponential]).dropna()
                 one, other = common[combined], common[exponential]
                 row[f"{what}: combined median"] = one.median()
                 row[f"{what}: exponential median"] = other.median()

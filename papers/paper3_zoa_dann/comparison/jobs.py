@@ -30,9 +30,7 @@ from papers.paper3_zoa_dann.comparison.task_files import (
     read_task,
 )
 from papers.paper3_zoa_dann.comparison.trial import ALL, CLOSED, Trial, noise_words, run_trial
-from papers.paper3_zoa_dann.inputs import options as common_options
-from papers.paper3_zoa_dann.inputs.options import Options as Common
-from papers.paper3_zoa_dann.inputs.options import read_options as read_common
+from papers.paper3_zoa_dann.inputs import options as frame
 from papers.paper3_zoa_dann.job import Identification, identified
 from papers.paper3_zoa_dann.source import FREE, Recipe
 from papers.paper3_zoa_dann.tasks import Target
@@ -55,7 +53,7 @@ class Published:
 
 
 @dataclass(frozen=True)
-class Size(common_options.Size):
+class Size(frame.Size):
     available: tuple[str, ...]
     strict_seeds: int
     noise_seeds: tuple[int, ...]
@@ -132,7 +130,7 @@ def cells(task: TaskFile, size: Size, seed: int) -> Iterator[Cell]:
 
 
 def trials(
-    task: TaskFile, cell: Cell, recipe: Recipe, options: Options, common: Common, size: Size, seed: int
+    task: TaskFile, cell: Cell, recipe: Recipe, options: Options, common: frame.Options, size: Size, seed: int
 ) -> Iterator[Trial]:
     """The trials of a cell: without noise first, methods in turn, so that what is done early can be compared."""
     training = dataclasses.replace(options.training, steps=size.steps)
@@ -166,7 +164,7 @@ def load_tasks(work: Work) -> list[tuple[TaskFile, Target]]:
     """The profile's tasks, as far as their data are at hand; task files lie beside the configuration."""
     found: list[tuple[TaskFile, Target]] = []
     missing = []
-    own, common = work.config.with_name("tasks"), read_common()
+    own, common = work.config.with_name("tasks"), frame.read_options()
     folder = own if own.is_dir() else FOLDER
     for name in work.size.tasks:
         task = read_task(name, folder)
@@ -188,7 +186,7 @@ def prepared(work: Work, task: TaskFile, target: Target, chosen: Iterable[Cell])
     bearing = target.records.bearing
     if bearing is None:
         raise TwingapError("brings no bearing geometry", where=f"record set {target.records.name!r}")
-    common, size = read_common(), work.size
+    common, size = frame.read_options(), work.size
     source = dataclasses.replace(common.source, width_mm=task.width_mm)
     for cell in chosen:
         own = material(task, target.records, cell.available, cell.unseen)
@@ -217,7 +215,7 @@ def kept_modes(out: Path) -> Iterator[Path]:
 
 def outcomes(work: Work) -> list[TaskOutcome]:
     """Every task, logged as soon as it is finished."""
-    options, common, size = work.options, read_common(), work.size
+    options, common, size = work.options, frame.read_options(), work.size
     found = []
     for task, target in work["tasks"]:
         materials: dict[Key, Material] = {}

@@ -17,8 +17,7 @@ from papers.framework import Rows, Work, as_table
 from papers.intervals import intervals, std
 from papers.paper3_zoa_dann.comparison.jobs import Key, Options, TaskOutcome
 from papers.paper3_zoa_dann.comparison.trial import ALL, ANALYST, OWN, noise_words
-from papers.paper3_zoa_dann.inputs.options import Options as Common
-from papers.paper3_zoa_dann.inputs.options import read_options as read_common
+from papers.paper3_zoa_dann.inputs import options as frame
 from papers.paper3_zoa_dann.significance import corrected, paired
 from twingap.adapt import CRITERIA
 
@@ -27,7 +26,7 @@ CLEAN: Final = noise_words(None)
 
 
 def all_tables(work: Work) -> dict[str, pd.DataFrame]:
-    return tables_of(work.options, read_common(), work["outcomes"])
+    return tables_of(work.options, frame.read_options(), work["outcomes"])
 
 
 def metrics(work: Work) -> dict[str, float]:
@@ -36,7 +35,7 @@ def metrics(work: Work) -> dict[str, float]:
     return {"comparison core hours": sum(seconds) / 3600, "comparison trials": len(seconds)}
 
 
-def tables_of(options: Options, common: Common, outcomes: Sequence[TaskOutcome]) -> dict[str, pd.DataFrame]:
+def tables_of(options: Options, common: frame.Options, outcomes: Sequence[TaskOutcome]) -> dict[str, pd.DataFrame]:
     outcomes = sorted(outcomes, key=lambda outcome: outcome.task.name)
     runs, levels = trials(outcomes), common.judging.levels
     means = family_means(runs, options, levels)
