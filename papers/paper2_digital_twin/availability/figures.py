@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from papers.figures import name_axes, subplots
 from papers.framework import Work
 from papers.paper2_digital_twin.availability.records import SPLITS, TITLES
-from papers.paper2_digital_twin.availability.tables import METHODS, judging
+from papers.paper2_digital_twin.availability.tables import LEVELS, METHODS, unseen
 
 LOOKS: Final = {
     "twin network": ("#0072B2", "o", "-"), "SVM": ("#D55E00", "s", "--"), "SOM-MQE": ("#009E73", "^", ":"),
@@ -66,26 +66,18 @@ def _mark(panel: Any, accuracy: pd.DataFrame, crossed: pd.DataFrame, steps: list
 def severity(work: Work) -> Figure:
     """MQE over threshold of each recording, by fault and size."""
     figure, panels = subplots((12, 4.2 * len(work["data"]) + 0.5), len(work["data"]), squeeze=False)
-    for panel, (name, data) in zip(panels[:, 0], work["data"].items(), strict=True):
-        groups = sorted({(data.labels[r], data.sizes[r]) for r in data.recordings})
-        for place, (label, size) in enumerate(groups):
-            own = sorted(
-                (r for r in data.recordings if (data.labels[r], data.sizes[r]) == (label, size)),
-                key=lambda r: data.speeds_rpm[r],
-            )
-            for offset, r in zip(np.linspace(-0.25, 0.25, len(own)) if len(own) > 1 else [0.0], own, strict=True):
-                here = judging(work, data, r)
-                values = [
-                    float(np.mean([v["recordings"][r][k] / v["threshold"] for v in here]))
-                    for k in ("mqe low", "mqe", "mqe high")
-                ]
-                colour = FAULTS[data.classes[label]]
-                panel.plot([place + offset] * 2, [values[0], values[2]], color=colour, linewidth=2)
-                panel.plot(place + offset, values[1], "o", color=colour, markersize=6)
+    found = unseen(work).sort_values("speed, rpm", kind="stable")
+    for panel, name in zip(panels[:, 0], work["data"], strict=True):
+        groups = list(found[found["set"] == name].groupby(["label", "class", "size"], dropna=False))
+        for place, ((_, fault, _), own) in enumerate(groups):
+            at = place + (np.linspace(-0.25, 0.25, len(own)) if len(own) > 1 else np.zeros(1))
+            low, middle, high = (own[f"{level} over"].to_numpy() for level in LEVELS)
+            panel.plot([at, at], [low, high], color=FAULTS[fault], linewidth=2)
+            panel.plot(at, middle, "o", color=FAULTS[fault], markersize=6)
         panel.axhline(1, color="black", linestyle="--", linewidth=1)
         panel.text(len(groups) - 0.5, 1, f"alarm, {work.options.false_alarm:.0%} a window", ha="right", va="bottom")
         unit = "deg" if name == "hit_sm" else "in"
-        names = [data.classes[c] + ("" if data.classes[c] == "healthy" else f"\n{s:g} {unit}") for c, s in groups]
+        names = [fault if fault == "healthy" else f"{fault}\n{size:g} {unit}" for (_, fault, size), _ in groups]
         panel.set_xticks(range(len(groups)), names)
         panel.set(yscale="log", ylabel="MQE over threshold")
         panel.set_title(

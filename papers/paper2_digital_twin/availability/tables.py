@@ -14,6 +14,7 @@ from twingap.adapt.evaluate import t_interval
 
 METHODS: Final = ("twin network", "SVM", "SOM-MQE")
 LEVEL: Final = 0.95
+LEVELS: Final = ("mqe low", "mqe", "mqe high")  # of a recording's windows: their median and middle 80 %
 MANY: Final = 10**6  # stands for all the labels that there are
 AHEAD: Final = (("SVM", "twin network"), ("SOM-MQE", "twin network"), ("SOM-MQE", "SVM"))
 
@@ -171,56 +172,57 @@ def recordings(work: Work) -> Rows:
         }  # fmt: skip
 
 
+def watched(work: Work) -> pd.DataFrame:
+    """A row per map, seed and recording: what the healthy map says of its windows."""
+    found = pd.DataFrame(
+        {
+            "set": data.name, "data": TITLES[data.name], "without": a.job.without, "seed": a.job.seed, "recording": r,
+            "label": data.labels[r], "class": data.classes[data.labels[r]], "bearing": data.bearings[r],
+            "size": data.sizes[r], "speed, rpm": data.speeds_rpm[r], **value, "threshold": a.value["threshold"],
+            "healthy windows": a.value["healthy windows"], "held out": np.mean(list(a.value["held out"].values())),
+        }
+        for a in work["alarms"]
+        for data in [work["data"][a.job.data]]
+        for r, value in a.value["recordings"].items()
+    )  # fmt: skip
+    return found.assign(**{f"{level} over": found[level] / found["threshold"] for level in LEVELS})
+
+
+def unseen(work: Work) -> pd.DataFrame:
+    """Means over seeds by recording, of maps that have not seen it: of a healthy one, the map of the others."""
+    found = watched(work)
+    found = found[found["without"] == found["recording"].where(found["class"] == "healthy", "")]
+    about = ["set", "data", "label", "class", "bearing", "size", "speed, rpm", "recording"]
+    measured = [*LEVELS, "share", *(f"{level} over" for level in LEVELS)]
+    return found.groupby(about, sort=False, dropna=False)[measured].mean().reset_index()
+
+
 @as_table
 def alarms(work: Work) -> Rows:
     """Detection by recording; healthy recordings are judged by maps that did not see them."""
-    for name, data in work["data"].items():
-        healthy = set(data.healthy())
-        mine = [a for a in work["alarms"] if a.job.data == name]
-        for without in ("", *data.healthy()):
-            here = [a.value for a in mine if a.job.without == without]
-            faults = [r for r in data.recordings if r not in healthy]
-            rings = [v["recordings"][without]["alarm"] for v in here] if without else [np.nan]
-            shares = [v["recordings"][without]["share"] for v in here] if without else [
-                np.mean(list(v["held out"].values())) for v in here
-            ]  # fmt: skip
-            yield {
-                "data": TITLES[name], "healthy kept out": without or "none",
-                "healthy windows": here[0]["healthy windows"],
-                "seeds": len(here), "threshold, MQE": np.mean([v["threshold"] for v in here]),
-                "faulty recordings": len(faults),
-                "detected": np.mean([v["recordings"][r]["alarm"] for v in here for r in faults]),
-                "fewest of a recording's windows": np.min([v["recordings"][r]["share"] for v in here for r in faults]),
-                "least MQE of a fault over threshold": np.min(
-                    [v["recordings"][r]["mqe"] / v["threshold"] for v in here for r in faults]
-                ),
-                "alarms in healthy windows not seen": np.mean(shares),
-                "healthy recording alarms": np.mean(rings),
-            }  # fmt: skip
-
-
-def judging(work: Work, data: Measured, recording: str) -> list[dict[str, Any]]:
-    """Alarms, by seed, of a map that has not seen a recording."""
-    without = recording if recording in data.healthy() else ""
-    return [a.value for a in work["alarms"] if a.job.data == data.name and a.job.without == without]
+    for (data, without), own in watched(work).groupby(["data", "without"], sort=False):
+        faults, kept = own[own["class"] != "healthy"], own[own["recording"] == without]
+        yield {
+            "data": data, "healthy kept out": without or "none", "healthy windows": own["healthy windows"].iloc[0],
+            "seeds": own["seed"].nunique(), "threshold, MQE": own["threshold"].mean(),
+            "faulty recordings": faults["recording"].nunique(), "detected": faults["alarm"].mean(),
+            "fewest of a recording's windows": faults["share"].min(),
+            "least MQE of a fault over threshold": faults["mqe over"].min(),
+            "alarms in healthy windows not seen": kept["share"].mean() if without else own["held out"].mean(),
+            "healthy recording alarms": kept["alarm"].astype(float).mean(),
+        }  # fmt: skip
 
 
 def severity(work: Work) -> pd.DataFrame:
     """MQE of every recording, median of its windows, mean over seeds; of a healthy one by the map of the others, whose
     threshold is another: `over threshold` is what compares."""
-    rows = []
-    for name, data in work["data"].items():
-        for r in data.recordings:
-            here = judging(work, data, r)
-            mean = {k: np.mean([v["recordings"][r][k] for v in here]) for k in ("mqe", "mqe low", "mqe high", "share")}
-            rows.append({
-                "data": TITLES[name], "class": data.classes[data.labels[r]], "bearing": data.bearings[r],
-                "size": data.sizes[r], "speed, rpm": data.speeds_rpm[r], "recording": r, "MQE": mean["mqe"],
-                "MQE, 10 %": mean["mqe low"], "MQE, 90 %": mean["mqe high"],
-                "over threshold": np.mean([v["recordings"][r]["mqe"] / v["threshold"] for v in here]),
-                "windows in alarm": mean["share"],
-            })  # fmt: skip
-    return pd.DataFrame(rows).sort_values(["data", "class", "size", "recording"], ignore_index=True)
+    names = {
+        "mqe": "MQE", "mqe low": "MQE, 10 %", "mqe high": "MQE, 90 %", "mqe over": "over threshold",
+        "share": "windows in alarm",
+    }  # fmt: skip
+    about = ["data", "class", "bearing", "size", "speed, rpm", "recording"]
+    found = unseen(work)[[*about, *names]].rename(columns=names)
+    return found.sort_values(["data", "class", "size", "recording"], ignore_index=True)
 
 
 @as_table
