@@ -55,7 +55,7 @@ class Step:
 
     name: str  # its outputs are ``work[name]``: results in the order of its jobs, or what the function returned
     # With `jobs`: ``function(job, **inputs)``, at module level in ``jobs.py``, run by workers. Without: called once,
-    # with the `Work`.
+    # with the `Work`; what it yields is kept as a list.
     function: Callable[..., Any]
     jobs: Callable[[Work], Iterable[Any]] | None = None  # frozen dataclasses, or mappings of JSON values
     inputs: Callable[[Work], Inputs] = _nothing  # what the function reads besides its job
@@ -137,7 +137,8 @@ class Study:
         work.log.data(path.name, digest_of_path(path), role="configuration")
         for step in self.steps:
             if step.jobs is None:
-                work[step.name] = step.function(work)
+                made = step.function(work)
+                work[step.name] = list(made) if isinstance(made, Iterator) else made
             else:
                 work[step.name] = work.sweep(step.function, step.jobs(work), step.inputs(work), step.words, step.name)
         self._publish(work, draw)

@@ -66,10 +66,9 @@ def trials(ready: Prepared, task: str, criterion: str) -> Iterator[Trial]:
             yield Trial(task, ready.cell.unseen, source, seed, criterion, recipe)
 
 
-def results(work: Work) -> list[tuple[str, Result[Trial]]]:
+def results(work: Work) -> Iterator[tuple[str, Result[Trial]]]:
     """Every trial with the title of its data; balanced data, no noise added."""
     criterion = read_common().judging.criterion
-    found: list[tuple[str, Result[Trial]]] = []
     for task, target in work["tasks"]:
         chosen = [cell for cell in cells(task, work.size, work.seed) if cell.available == "balanced"]
         for ready in prepared(work, task, target, chosen):
@@ -79,8 +78,7 @@ def results(work: Work) -> list[tuple[str, Result[Trial]]]:
                 ready.inputs | {"labelled": (labelled, None)},
                 lambda job: f"{job.task}, {job.source}, unseen {job.unseen}, seed {job.seed}", f"task {task.name}",
             )  # fmt: skip
-            found += [(target.title, own) for own in made]
-    return found
+            yield from ((target.title, own) for own in made)
 
 
 def run_trial(job: Trial, material: Material, labelled: Windows) -> dict[str, dict[str, Any]]:

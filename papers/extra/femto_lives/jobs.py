@@ -132,18 +132,16 @@ def inputs(work: Work) -> Inputs:
     return {"root": (root_of(work), read), "config": (str(config), repr(of_lives.read_options(config)))}
 
 
-def trained(work: Work) -> list[tuple[Wanted, Result[Job]]]:
+def trained(work: Work) -> Iterator[tuple[Wanted, Result[Job]]]:
     options = of_lives.read_options(lives_config(work))
     told = {r.job: added(dict(r.value)) for r in work["diagnoses"]}
-    found: list[tuple[Wanted, Result[Job]]] = []
     for one, case in work["cases"].items():
         results = work.sweep(
             train_and_judge, trainings_of(case, options, told[one], work.size), {"case": (case, case.digest)},
             functools.partial(_words, one), f"training, {one.words}",
             data={"adaptation": repr((options.adaptation, one.wait_min, REFERENCE_MIN, END_RATIO))},
         )  # fmt: skip
-        found += [(one, result) for result in results]
-    return found
+        yield from ((one, result) for result in results)
 
 
 def _words(wanted: Wanted, job: Job) -> str:

@@ -59,12 +59,11 @@ class Trial:
     recipe: Recipe
 
 
-def results(work: Work) -> list[tuple[str, Result[Trial]]]:
+def results(work: Work) -> Iterator[tuple[str, Result[Trial]]]:
     """Every trial, with the title of its data; all bearings adapted to, balanced data."""
     comparison, common, size = read_comparison(), frame.read_options(), work.size
     training = dataclasses.replace(comparison.training, steps=size.steps)
     seeds = tuple(range(work.seed, work.seed + size.seeds))
-    found: list[tuple[str, Result[Trial]]] = []
     for task, target in work["tasks"]:
         unseen = None if task.same_bearings else task.unseen(work.seed)
         for ready in prepared(work, task, target, [Cell("balanced", unseen, seeds, ())]):
@@ -77,8 +76,7 @@ def results(work: Work) -> list[tuple[str, Result[Trial]]]:
             with kept_modes(work.out) as modes:
                 inputs = ready.inputs | {"labelled": (labelled, None), "modes": (modes, None)}
                 made = work.sweep(probe, jobs, inputs, lambda job: f"{job.task}, {job.method}, seed {job.seed}")
-            found += [(target.title, own) for own in made]
-    return found
+            yield from ((target.title, own) for own in made)
 
 
 def probe(job: Trial, material: Material, labelled: Windows, modes: Path | None = None) -> dict[str, Any]:

@@ -77,18 +77,16 @@ def diagnosis_inputs(work: Work) -> Inputs:
     return {"root": (root_of(work), " ".join(read.values())), "config": config}
 
 
-def trained(work: Work) -> list[Result[Job]]:
+def trained(work: Work) -> Iterator[Result[Job]]:
     """Trainings without and with the effects that were named on each run."""
     alone = (r for r in work["diagnoses"] if (r.job.data, r.job.speed) == ("rig", "all"))
     named = {r.job.bearings[0]: added(dict(r.value)) for r in alone}
-    found: list[Result[Job]] = []
     for name, case in work["cases"].items():
-        found += work.sweep(
+        yield from work.sweep(
             train_and_judge, trainings_of(case, work["options"], named[name], work.size),
             {"case": (case, case.digest)}, lambda j: f"{j.bearing}, {j.model}, seed {j.seed}, {j.added}",
             f"training, {name}", data={"adaptation": repr(work["options"].adaptation)},
         )  # fmt: skip
-    return found
 
 
 def added(row: dict[str, Any]) -> Added | None:

@@ -232,15 +232,13 @@ def indicators(x: Array, fs_hz: float) -> Array:
     return np.column_stack([of_time, mean, centre, np.sqrt(square), spread])
 
 
-def results(work: Work) -> list[Result[Trial]]:
-    found: list[Result[Trial]] = []
+def results(work: Work) -> Iterator[Result[Trial]]:
     for own in work["splits"]:
         train, judge, digest = work["rows"][own.name]
-        found += work.sweep(
+        yield from work.sweep(
             run_trial, list(trials(own, work)), {"train": (train, digest), "judge": (judge, digest)},
             lambda job: f"{job.scenario}, {job.source}, {job.view}, seed {job.seed}", f"scenario {own.name}",
         )  # fmt: skip
-    return found
 
 
 def trials(own: Split, work: Work) -> Iterator[Trial]:

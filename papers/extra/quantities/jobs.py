@@ -36,9 +36,8 @@ def trials(ready: Prepared, task: TaskFile, options: Options, common: frame.Opti
         )  # fmt: skip
 
 
-def networks(work: Work) -> list[tuple[str, Result[Trial]]]:
+def networks(work: Work) -> Iterator[tuple[str, Result[Trial]]]:
     options, common, size = work.options, frame.read_options(), work.size
-    found: list[tuple[str, Result[Trial]]] = []
     for task, target in work["tasks"]:
         balanced = [cell for cell in cells(task, size, work.seed) if cell.available == "balanced"]
         chosen = [cell for cell in balanced if (cell.unseen is None) == task.same_bearings]
@@ -49,5 +48,4 @@ def networks(work: Work) -> list[tuple[str, Result[Trial]]]:
                 trained = work.sweep(
                     run_trial, jobs, inputs, lambda job: f"{job.words}, {job.inputs.quantity}", f"task {task.name}"
                 )
-            found += [(target.title, own) for own in trained]
-    return found
+            yield from ((target.title, own) for own in trained)

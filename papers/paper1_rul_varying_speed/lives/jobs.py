@@ -27,10 +27,9 @@ def target(work: Work) -> Target:
     return found
 
 
-def results(work: Work) -> list[CaseResult]:
+def results(work: Work) -> Iterator[CaseResult]:
     """Every run with every twin, logged as soon as it is finished."""
     options, size = work.options, work.size
-    found: list[CaseResult] = []
     for name in size.bearings:
         case = read_case(work["target"], name, options.target, options.adaptation)
         work.log.data(f"run {name}", case.digest, role="target", source=work.title)
@@ -43,8 +42,7 @@ def results(work: Work) -> list[CaseResult]:
             CaseResult(case, variant, [t for t in trainings if t.job.variant == variant]) for variant in size.variants
         ]
         _log_case(work.log, own, work.title)
-        found += own
-    return found
+        yield from own
 
 
 def _jobs(case: Case, options: Options, sizes: Profile, seed: int) -> Iterator[Job]:

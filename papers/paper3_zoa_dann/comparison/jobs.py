@@ -213,10 +213,9 @@ def kept_modes(out: Path) -> Iterator[Path]:
         shutil.rmtree(folder, ignore_errors=True)
 
 
-def outcomes(work: Work) -> list[TaskOutcome]:
+def outcomes(work: Work) -> Iterator[TaskOutcome]:
     """Every task, logged as soon as it is finished."""
     options, common, size = work.options, frame.read_options(), work.size
-    found = []
     for task, target in work["tasks"]:
         materials: dict[Key, Material] = {}
         identified: dict[Key, Mapping[str, float]] = {}
@@ -229,9 +228,9 @@ def outcomes(work: Work) -> list[TaskOutcome]:
             with kept_modes(work.out) as modes:
                 inputs = ready.inputs | {"device": (work.device, None), "modes": (modes, None)}
                 results += work.sweep(run_trial, jobs, inputs, lambda job: job.words, f"task {task.name}")
-        found.append(TaskOutcome(task, target.title, materials, identified, results))
-        _log_task(work.log, found[-1])
-    return found
+        outcome = TaskOutcome(task, target.title, materials, identified, results)
+        _log_task(work.log, outcome)
+        yield outcome
 
 
 def _log_task(log: Run, outcome: TaskOutcome) -> None:

@@ -64,10 +64,10 @@ def load(work: Work) -> Target:
     return target
 
 
-def results(work: Work) -> list[TaskResult]:
+def results(work: Work) -> Iterator[TaskResult]:
     """Every task, logged as soon as it is finished."""
     options, size, records = work.options, work.size, work["target"].records
-    found, bearing = [], records.bearing
+    bearing = records.bearing
     assert bearing is not None
     for task in make_tasks(size.tasks, records):
         own = _measured(task, options, size)
@@ -80,9 +80,9 @@ def results(work: Work) -> list[TaskResult]:
             train_and_judge, _jobs(task, recipe, options, size, work.seed), {"measured": (own, own.digest)},
             lambda j: f"{j.task}, {j.view}, {j.method}, seed {j.seed}", f"training, {task.title}",
         )  # fmt: skip
-        found.append(TaskResult(task, own, parameters, recipe, trainings, **_yardsticks(task, own, options, bearing)))
-        _log_task(work.log, found[-1])
-    return found
+        result = TaskResult(task, own, parameters, recipe, trainings, **_yardsticks(task, own, options, bearing))
+        _log_task(work.log, result)
+        yield result
 
 
 def _measured(task: Task, options: Options, size: Profile) -> Measured:
