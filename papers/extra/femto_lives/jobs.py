@@ -138,11 +138,8 @@ def trained(work: Work) -> Iterator[tuple[Wanted, Result[Job]]]:
     for one, case in work["cases"].items():
         results = work.sweep(
             train_and_judge, trainings_of(case, options, told[one], work.size), {"case": (case, case.digest)},
-            functools.partial(_words, one), f"training, {one.words}",
+            lambda j, run=one.words: f"{run}, {j.variant} twin, {j.model}, seed {j.seed}, {j.added}",
+            f"training, {one.words}",
             data={"adaptation": repr((options.adaptation, one.wait_min, REFERENCE_MIN, END_RATIO))},
         )  # fmt: skip
         yield from ((one, result) for result in results)
-
-
-def _words(wanted: Wanted, job: Job) -> str:
-    return f"{wanted.words}, {job.variant} twin, {job.model}, seed {job.seed}, {job.added}"

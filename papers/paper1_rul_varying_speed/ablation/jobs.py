@@ -13,7 +13,6 @@ beats DANN there too, on lives as simulated.
 """
 
 import dataclasses
-import functools
 import itertools
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -89,7 +88,7 @@ def rows(work: Work) -> list[dict[str, Any]]:
             case = simulated if what == SIMULATED else with_true_lives(simulated, options.adaptation)
             trained = work.sweep(
                 train_and_judge, trainings_of(case, options, size, work.seed), {"case": (case, case.digest)},
-                functools.partial(_words, what),
+                lambda j, lives=what: f"{j.bearing}, lives {lives}, {j.model}, seed {j.seed}",
                 f"training, {name}",
                 data={"adaptation": repr(options.adaptation), "rate": f"{case.known.twin.damage.rate:.12g}"},
             )  # fmt: skip
@@ -124,10 +123,6 @@ def trainings_of(case: Case, options: of_lives.Options, size: Size, seed: int) -
     for k, model in itertools.product(range(size.seeds), size.models):
         shape = architecture_of(model, printed=options.judging.printed, models=ADVERSARIAL)
         yield job_of(case, options, VARIANT, model, shape, seed + k, size)
-
-
-def _words(lives: str, job: Job) -> str:
-    return f"{job.bearing}, lives {lives}, {job.model}, seed {job.seed}"
 
 
 def _row(title: str, lives: str, case: Case, job: Job, value: dict[str, Any]) -> dict[str, Any]:
