@@ -206,10 +206,7 @@ def runs(work: Work) -> list[StudyRun]:
 def analyses(work: Work) -> Iterator[Analysis]:
     for j in work["judged"]:
         for name, values in j.series.items():
-            limits, healthy = (
-                candidates.limits_of(j, name, work["judged"]),
-                float(np.mean(values[: j.run.healthy_rows])),
-            )
+            limits, healthy = candidates.limits_of(j, name, work["judged"]), float(values[: j.run.healthy_rows].mean())
             level = work.options.interval_level
             yield Analysis(j.run.name, name, limits, healthy, work.size.curves, level, work.seed)
 

@@ -112,13 +112,11 @@ def _yardsticks(task: Task, measured: Measured, options: Options, bearing: Beari
     classes, rate, labels = options.target.classes, options.judging.false_alarm, measured.evaluate.labels
     assert labels is not None
     calls = analyst(measured.evaluate, bearing, classes, rate)
-    votes, truth = [], []
-    for i, condition in enumerate(task.evaluate.conditions):
-        one = cut(task.evaluate.take([i]), condition.n_samples, 1, classes)
-        votes.append(analyst(one, bearing, classes, rate)[0])
-        truth.append(one.labels)
-    names = np.array([c.name for c in task.evaluate.conditions])
-    whole, whole_truth = np.array(votes), np.concatenate([t for t in truth if t is not None])
+    conditions = task.evaluate.conditions
+    each = [cut(task.evaluate.take([i]), c.n_samples, 1, classes) for i, c in enumerate(conditions)]
+    whole = np.concatenate([analyst(one, bearing, classes, rate) for one in each])
+    whole_truth = np.concatenate([one.labels for one in each if one.labels is not None])
+    names = np.array([c.name for c in conditions])
     return {
         "majority": majority(labels, len(classes)), "analyst": score(calls, labels, measured.evaluate.group),
         "analyst_whole": score(whole, whole_truth, names), "analyst_calls": calls, "analyst_whole_calls": whole,
