@@ -71,7 +71,8 @@ def _task(name: str, records: RecordSet) -> Task:
     found = re.fullmatch(r"(?:load|unseen_(\d+(?:\.\d+)?))_(\d+)_to_(\d+)", name)
     if found is None:
         raise TwingapError(f"unknown task {name!r}", mend="name it load_0_to_2 or unseen_0.014_0_to_2")
-    size, low, high = found[1] and float(found[1]), int(found[2]), int(found[3])
+    size = float(found[1]) if found[1] else None
+    low, high = int(found[2]), int(found[3])
 
     def of_size(c: Condition) -> bool:
         return size is not None and abs(float(c.extra["fault_size_inch"]) - size) < 1e-9

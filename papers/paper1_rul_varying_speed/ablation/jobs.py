@@ -88,8 +88,7 @@ def rows(work: Work) -> list[dict[str, Any]]:
             case = simulated if what == SIMULATED else with_true_lives(simulated, options.adaptation)
             trained = work.sweep(
                 train_and_judge, trainings_of(case, options, size, work.seed), {"case": (case, case.digest)},
-                lambda j, lives=what: f"{j.bearing}, lives {lives}, {j.model}, seed {j.seed}",
-                f"training, {name}",
+                lambda job: f"{job.bearing}, {job.model}, seed {job.seed}", f"training, {name}, lives {what}",
                 data={"adaptation": repr(options.adaptation), "rate": f"{case.known.twin.damage.rate:.12g}"},
             )  # fmt: skip
             found += [_row(work.title, what, case, r.job, dict(r.value)) for r in trained]
