@@ -138,7 +138,7 @@ def trained(work: Work) -> Iterator[tuple[Wanted, Result[Job]]]:
     for one, case in work["cases"].items():
         results = work.sweep(
             train_and_judge, trainings_of(case, options, told[one], work.size), {"case": (case, case.digest)},
-            lambda j, run=one.words: f"{run}, {j.variant} twin, {j.model}, seed {j.seed}, {j.added}",
+            lambda j: f"{j.bearing}, {j.variant} twin, {j.model}, seed {j.seed}, {j.added}",
             f"training, {one.words}",
             data={"adaptation": repr((options.adaptation, one.wait_min, REFERENCE_MIN, END_RATIO))},
         )  # fmt: skip

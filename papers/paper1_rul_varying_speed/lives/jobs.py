@@ -1,9 +1,4 @@
-"""Remaining life by five models on every run, five seeds each: tables 3 and 5 and figures 3 to 14.
-
-Smart Maintenance set, or virtual rig --> cases --> twin, up to now --> simulated lives --> five models x seeds
-                                                                                                    |
-                         tables, figures, nested runs <-- judged on the run to its end <-- chosen without labels
-"""
+"""Remaining life by five models on every run, five seeds each: tables 3 and 5 and figures 3 to 14."""
 
 import dataclasses
 import itertools

@@ -1,12 +1,6 @@
 """The paper's comparison: nine methods and the analyst's rule, seven tasks, three states of the target data, noise.
 
-tasks/*.toml, records --> cell: adapt (labels taken away) | judge (other recordings)
-                            |
-        identify k, c (no labels) --> contact twin --> labelled windows --> trials: method x seed x SNR
-                                                                                |
-                           tables, figures, MLflow (task > method > trial) <----+
-
-Used in: Paper 3, section 4, DOI 10.1177/10775463261462852.
+Used in: Paper 3, section 4. The paper's README draws how tasks become tables.
 """
 
 import dataclasses

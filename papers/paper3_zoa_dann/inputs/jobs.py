@@ -1,8 +1,6 @@
 """A plain network with and without adaptation, on several inputs: what an input is worth in the paper's frame.
 
-Used in: Paper 3, dynamics-assisted unsupervised domain adaptation for rolling bearing fault diagnosis, Journal of
-Vibration and Control, DOI 10.1177/10775463261462852: its frame (twin, identification, DANN) with a plain network in
-place of the paper's, which `comparison` has.
+The paper's frame (twin, identification, DANN) with a plain network in place of its own, which `comparison` has.
 """
 
 import dataclasses
