@@ -10,11 +10,10 @@ from matplotlib.figure import Figure
 
 from papers.arrays import Array
 from papers.figures import subplots
-from papers.framework import Rows, Step, Study, Work, as_input, as_table
+from papers.framework import Result, Rows, Step, Study, Work, as_input, as_table
 from papers.paper2_digital_twin.live import jobs
 from papers.paper2_digital_twin.live_twin.twin import WATCHED
 from twingap.rigs.drifting import COOLED, REFILLED, WEARS
-from twingap.sweep import Result
 
 WHOLE = "after commissioning"
 DRIFT = "under drift"  # from the beginning of the wear on, cooling included: the drift scenario of the target
