@@ -24,9 +24,10 @@ from papers.options import expect
 from papers.paper3_zoa_dann.comparison.jobs import Cell, kept_modes, prepared
 from papers.paper3_zoa_dann.comparison.jobs import read_options as read_comparison
 from papers.paper3_zoa_dann.comparison.task_files import Material, windows_to_adapt_to
+from papers.paper3_zoa_dann.comparison.trial import Trial
 from papers.paper3_zoa_dann.inputs import options as frame
-from papers.paper3_zoa_dann.source import Recipe, simulate
-from twingap.adapt import METHODS, Fitted, ModeInputs, Training, Windows, fit
+from papers.paper3_zoa_dann.source import simulate
+from twingap.adapt import METHODS, Fitted, Windows, fit
 
 LAYERS: Final = (
     "denoising.branches", "denoising.fusion", "denoising.gate", "lift", "attention", "feed_forward",
@@ -45,23 +46,9 @@ class Options:
             expect(name, [own for own in METHODS if METHODS[own].architecture is not None], "methods")
 
 
-@dataclass(frozen=True)
-class Trial:
-    """One training and the probes of its layers."""
-
-    task: str
-    method: str
-    seed: int
-    training: Training
-    inputs: ModeInputs
-    held_out: float
-    criterion: str
-    recipe: Recipe
-
-
 def results(work: Work) -> Iterator[tuple[str, Result[Trial]]]:
     """Every trial, with the title of its data; all bearings adapted to, balanced data."""
-    comparison, common, size = read_comparison(), frame.read_options(), work.size
+    comparison, judging, size = read_comparison(), frame.read_options().judging, work.size
     training = dataclasses.replace(comparison.training, steps=size.steps)
     seeds = tuple(range(work.seed, work.seed + size.seeds))
     for task, target in work["tasks"]:
@@ -69,13 +56,13 @@ def results(work: Work) -> Iterator[tuple[str, Result[Trial]]]:
         for ready in prepared(work, task, target, [Cell("balanced", unseen, seeds, ())]):
             labelled = windows_to_adapt_to(task, target.records, "balanced", unseen)
             jobs = [
-                Trial(task.name, method, seed, training, comparison.inputs, common.judging.held_out,
-                      common.judging.criterion, ready.recipe)
+                Trial(task.name, "balanced", unseen, method, seed, None, training, comparison.inputs,
+                      judging.criterion, judging.held_out, judging.false_alarm, ready.recipe)
                 for seed in seeds for method in work.options.methods
             ]  # fmt: skip
             with kept_modes(work.out) as modes:
                 inputs = ready.inputs | {"labelled": (labelled, None), "modes": (modes, None)}
-                made = work.sweep(probe, jobs, inputs, lambda job: f"{job.task}, {job.method}, seed {job.seed}")
+                made = work.sweep(probe, jobs, inputs, lambda job: job.words)
             yield from ((target.title, own) for own in made)
 
 
