@@ -19,7 +19,7 @@ import numpy as np
 
 from papers.arrays import Array
 from papers.extra.femto import rivals
-from papers.extra.femto.jobs import Features, at_least
+from papers.extra.femto.jobs import Features, Prediction, at_least
 from papers.framework import Inputs, Work
 from papers.paper1_rul_varying_speed.methods.metrics import phm2012_accuracy
 from twingap.data import load
@@ -90,13 +90,6 @@ class Growth:
     bearing: str
     indicator: str
     cuts: tuple[int, ...]
-
-
-@dataclass(frozen=True)
-class Prediction:
-    bearing: str
-    method: str
-    seed: int
 
 
 @dataclass(frozen=True)
