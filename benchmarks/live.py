@@ -11,15 +11,10 @@ from dataclasses import replace
 import numpy as np
 
 from benchmarks.harness import Measurement, Target, in_turn, ratio
-from papers.paper2_digital_twin.live_twin import (
-    Band,
-    LiveOptions,
-    LiveTwin,
-    MachineState,
-    Snapshot,
-    StateMessage,
-    relative_error,
-)
+from papers.paper2_digital_twin.live_twin.messages import Snapshot, StateMessage
+from papers.paper2_digital_twin.live_twin.refit import relative_error
+from papers.paper2_digital_twin.live_twin.spectrum import Band, MachineState
+from papers.paper2_digital_twin.live_twin.twin import LiveOptions, LiveTwin
 from twingap.bearing import BEARINGS
 from twingap.identification import identify
 from twingap.records import Condition, Record, RecordSet
@@ -156,7 +151,8 @@ def _identify(spec: TwinSpec, records: RecordSet, seed: int) -> Callable[[], obj
 
 def _error(own: ContactParameters, judged: list[Record], fault: str) -> float:
     """Relative error of the amplitude spectra of snapshots that neither was fitted to."""
-    from papers.paper2_digital_twin.live_twin import Laws, SpectrumModel
+    from papers.paper2_digital_twin.live_twin.laws import Laws
+    from papers.paper2_digital_twin.live_twin.spectrum import SpectrumModel
 
     model, band = SpectrumModel(BEARINGS["6205"], own, Laws(), follow=False), Band.of(FS_HZ, 500.0)
     states = [replace(STATE, time_s=float(i), fault=fault) for i in range(len(judged))]

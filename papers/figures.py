@@ -39,6 +39,14 @@ def grid(
     return figure, panels
 
 
+def name_axes(panels: Any, x: str = "", y: str = "") -> None:
+    """Name the axes of panels [down, across]: of the lowest ones and of those on the left."""
+    for panel in panels[-1]:
+        panel.set_xlabel(x)
+    for panel in panels[:, 0]:
+        panel.set_ylabel(y)
+
+
 def rule(axes: Any, axis: str) -> None:
     """Light lines across, behind what is drawn."""
     axes.grid(axis=axis, color="0.9")

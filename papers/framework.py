@@ -5,8 +5,8 @@ config.toml --options--> profile --+
 data root, seed, backend ----------+      (jobs: sweep, keys by `imports`)
 
 A study is a folder with ``config.toml``, ``jobs.py``, ``tables.py``, ``figures.py``, and ``study.py``, which holds its
-`Study` under the name ``STUDY``. The functions that workers run are in ``jobs.py``, which imports neither this module
-nor tables nor figures: the keys of stored results change with the code that makes results, and with nothing else.
+`Study` under the name ``STUDY``. The functions that workers run are in ``jobs.py``, which imports neither tables nor
+figures: the keys of stored results change with the code that makes results, and with nothing else.
 """
 
 from __future__ import annotations
@@ -24,8 +24,10 @@ from papers.imports import digest_of_imports
 from papers.options import read
 from twingap import TwingapError, files
 from twingap.provenance import digest_of_path, digest_of_value, plain
-from twingap.sweep import BACKENDS, Result, sweep
-from twingap.track import NullTracker, Run
+from twingap.sweep import BACKENDS, sweep
+from twingap.sweep import Result as Result
+from twingap.track import NullTracker
+from twingap.track import Run as Run
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -43,13 +45,17 @@ def _nothing(work: Work) -> dict[str, Any]:
     return {}
 
 
+def _drawn(figures: Mapping[str, Callable[[Work], Figure]], work: Work) -> Iterator[tuple[str, Figure]]:
+    yield from ((name, draw(work)) for name, draw in figures.items())
+
+
 @dataclass(frozen=True)
 class Step:
     """A step of a study."""
 
     name: str  # its outputs are ``work[name]``: results in the order of its jobs, or what the function returned
     # With `jobs`: ``function(job, **inputs)``, at module level in ``jobs.py``, run by workers. Without: called once,
-    # with the `Work`.
+    # with the `Work`; what it yields is kept as a list.
     function: Callable[..., Any]
     jobs: Callable[[Work], Iterable[Any]] | None = None  # frozen dataclasses, or mappings of JSON values
     inputs: Callable[[Work], Inputs] = _nothing  # what the function reads besides its job
@@ -65,12 +71,14 @@ class Study:
     # dataclass of the entries of `config`, which are explained there; its field `profiles` has each profile's sizes
     options: type[Any]
     steps: Sequence[Step]
-    tables: Callable[[Work], Mapping[str, pd.DataFrame]]
+    # name -> what makes the table, in order, so that a later one may read ``work.tables``; or what makes all of them
+    tables: Mapping[str, Callable[[Work], pd.DataFrame]] | Callable[[Work], Mapping[str, pd.DataFrame]]
     config: Path = Path("config.toml")  # beside the module of `options`
-    figures: Callable[[Work], Iterable[tuple[str, Figure]]] | None = None
+    figures: Mapping[str, Callable[[Work], Figure]] | Callable[[Work], Iterable[tuple[str, Figure]]] | None = None
     headlines: tuple[str, ...] = ()  # tables that are printed at the end
     columns: Mapping[str, tuple[str, ...]] = field(default_factory=dict)  # of headlines, where not all are printed
     data: str = ""  # where the numbers come from, unless a step says it
+    named: bool = False  # whether that is the last column, ``data``, of tables that have none
     metrics: Callable[[Work], Mapping[str, float | None]] = _nothing  # logged
     at_hand: Callable[[Path | None], bool] = lambda root: True  # in that data root; else a paper leaves the study out
     letters: tuple[int, int] = (13, 12)  # sizes of letters in figures, and of those in legends, points
@@ -129,7 +137,8 @@ class Study:
         work.log.data(path.name, digest_of_path(path), role="configuration")
         for step in self.steps:
             if step.jobs is None:
-                work[step.name] = step.function(work)
+                made = step.function(work)
+                work[step.name] = list(made) if isinstance(made, Iterator) else made
             else:
                 work[step.name] = work.sweep(step.function, step.jobs(work), step.inputs(work), step.words, step.name)
         self._publish(work, draw)
@@ -137,8 +146,11 @@ class Study:
 
     def _publish(self, work: Work, draw: bool) -> None:
         """Tables, figures and metrics, to the folder and to the tracker, each as soon as it is made."""
-        work.tables.update(self.tables(work))
-        for name, table in work.tables.items():
+        made = self.tables(work) if callable(self.tables) else self.tables
+        for name, table in made.items():
+            work.tables[name] = table = table(work) if callable(table) else table
+            if self.named and "data" not in table:
+                table["data"] = work.title
             write_table(table, work.out / "tables" / name, work.title)
             work.log.table(name, table)
         if metrics := self.metrics(work):
@@ -149,7 +161,8 @@ class Study:
             import matplotlib as mpl
 
             with mpl.rc_context(style(*self.letters)):
-                for name, figure in self.figures(work):
+                drawn = self.figures(work) if callable(self.figures) else _drawn(self.figures, work)
+                for name, figure in drawn:
                     write_figure(figure, work.out / "figures" / f"{name}.png")
                     work.log.figure(name, figure)
 
@@ -231,6 +244,12 @@ class Work:
             yield f"{self.study.name}: no data at hand for {', '.join(self.missing)}, left out"
         if self.finished:
             yield f"{self.study.name}: {self.finished} jobs, {self.computed} of them run now"
+
+
+def as_input(work: Work) -> Inputs:
+    """The configuration as an input of jobs, whose keys then depend on all of it but the profiles."""
+    entries = {name: value for name, value in plain(work.options).items() if name != "profiles"}
+    return {"options": (work.options, digest_of_value(entries))}
 
 
 def as_table(rows: Callable[P, Rows]) -> Callable[P, pd.DataFrame]:

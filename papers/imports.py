@@ -15,6 +15,8 @@ from twingap.provenance import digest_of_value
 
 HOME: Final = frozenset({"papers", "twingap"})
 """Top-level packages that are followed, besides that of the module itself."""
+RUNNER: Final = "papers.framework"
+"""What runs jobs makes no results: it is not followed."""
 
 
 @functools.cache
@@ -33,7 +35,7 @@ def closure(module: str) -> dict[str, Path]:
     while waiting:
         name = waiting.pop()
         path = _source(name)
-        if name in found or path is None:
+        if name in found or name == RUNNER or path is None:
             continue
         found[name] = path
         waiting += [other for other in _imported(name, path) if other.partition(".")[0] in home]

@@ -24,6 +24,11 @@ def intervals(
     return row
 
 
+def by_seed(errors: pd.DataFrame) -> pd.DataFrame:
+    """Errors [runs, seeds], min, of the trainings of one method: rows with bearing, seed and rmse_min."""
+    return errors.pivot(index="bearing", columns="seed", values="rmse_min")
+
+
 def compared(before: pd.DataFrame, after: pd.DataFrame, levels: Sequence[float] = (0.9,)) -> dict[str, float]:
     """Errors before and after [runs, seeds], min, the ratio of their means with its intervals over seeds, and on how
     many runs it is below 1; runs that `after` lacks count as unchanged."""

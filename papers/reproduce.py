@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
-from papers.framework import Progress, Work, load_study
+from papers.framework import Work, load_study
 from twingap import TwingapError
 from twingap.track import NullTracker, Tracker
 
@@ -71,12 +71,11 @@ class Outcome:
 
 def run(
     paper: str, profile: str = "smoke", *, out: Path, tracker: Tracker | None = None, root: Path | None = None,
-    seed: int = 0, backend: str = "loky", address: str | None = None,
-    progress: Progress = lambda what, done, total: None, draw: bool = True, only: Collection[str] | None = None,
+    seed: int = 0, only: Collection[str] | None = None, **given: Any,
 ) -> Outcome:  # fmt: skip
     """Run a paper's studies of a profile, or those named by `only`; what an interrupted run has finished is taken up
-    again. Raises `TwingapError` for a profile, study, backend, data root or folder that cannot be used. For the other
-    parameters see `papers.framework.Study.run`."""
+    again. Raises `TwingapError` for a profile, study, backend, data root or folder that cannot be used. All else is
+    `given` to `papers.framework.Study.run`."""
     if profile not in BOTH:
         raise TwingapError(f"unknown profile {profile!r}", mend=f"use one of {', '.join(BOTH)}")
     studies = {name.rpartition(".")[2]: package_of(name) for name, when in PAPERS[paper].items() if profile in when}
@@ -96,10 +95,7 @@ def run(
                 missing.append(name)
                 continue
             with log.run(name, {"paper": paper, "study": name, "profile": profile}) as of_study:
-                works[name] = study.run(
-                    profile, out=out, root=root, seed=seed, backend=backend, address=address, log=of_study,
-                    progress=progress, draw=draw,
-                )  # fmt: skip
+                works[name] = study.run(profile, out=out, root=root, seed=seed, log=of_study, **given)
         return Outcome(works, tuple(missing), out, getattr(log, "id", None))
 
 

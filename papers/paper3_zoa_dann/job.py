@@ -1,23 +1,19 @@
 """One training and its evaluation: the job that the sweep runs for each task, input, method and seed."""
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from papers.framework import Work
 from papers.paper3_zoa_dann.inputs.options import IdentificationOptions, SourceOptions
 from papers.paper3_zoa_dann.source import Recipe, identify, simulate
 from twingap import Bearing
 from twingap import adapt as adaptation
 from twingap.adapt import CRITERIA, Evidence, Method, Trained, Training, Windows, inputs, outputs, score
-
-if TYPE_CHECKING:
-    from papers.framework import Work
 
 
 @dataclass(frozen=True)

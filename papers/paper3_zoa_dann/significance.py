@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 STEP: Final = 1e-4  # differences are counted in hundredths of a point; what is finer is rounded away
 
@@ -59,10 +57,8 @@ def corrected(rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
 
 def holm(p_values: Sequence[float]) -> list[float]:
     """P values corrected for their number by Holm's step-down (1979): the chance of any false find stays below each."""
-    order = np.argsort(p_values, kind="stable")
-    corrected = np.empty(len(p_values))
-    highest = 0.0
-    for rank, place in enumerate(order):
-        highest = max(highest, min(1.0, (len(p_values) - rank) * p_values[place]))
-        corrected[place] = highest
-    return [float(value) for value in corrected]
+    p, number = np.asarray(p_values, dtype=np.float64), len(p_values)
+    order = np.argsort(p, kind="stable")
+    found = np.empty(number)
+    found[order] = np.maximum.accumulate(np.minimum(1.0, np.arange(number, 0, -1) * p[order]))
+    return [float(value) for value in found]

@@ -1,5 +1,6 @@
 """Target data: recordings to adapt to and to evaluate on."""
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -67,16 +68,11 @@ def make_tasks(names: Sequence[str], records: RecordSet) -> list[Task]:
 
 
 def _task(name: str, records: RecordSet) -> Task:
-    words = name.split("_")
-    try:
-        if words[0] == "load":
-            size, (low, high) = None, (int(words[1]), int(words[3]))
-        elif words[0] == "unseen":
-            size, (low, high) = float(words[1]), (int(words[2]), int(words[4]))
-        else:
-            raise ValueError(name)
-    except (ValueError, IndexError):
-        raise TwingapError(f"unknown task {name!r}", mend="name it load_0_to_2 or unseen_0.014_0_to_2") from None
+    found = re.fullmatch(r"(?:load|unseen_(\d+(?:\.\d+)?))_(\d+)_to_(\d+)", name)
+    if found is None:
+        raise TwingapError(f"unknown task {name!r}", mend="name it load_0_to_2 or unseen_0.014_0_to_2")
+    size = float(found[1]) if found[1] else None
+    low, high = int(found[2]), int(found[3])
 
     def of_size(c: Condition) -> bool:
         return size is not None and abs(float(c.extra["fault_size_inch"]) - size) < 1e-9

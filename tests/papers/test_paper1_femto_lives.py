@@ -135,4 +135,4 @@ def test_the_figure_has_a_panel_per_wait_and_model_and_a_mark_per_run() -> None:
     assert [len(axes.get_lines()[0].get_ydata()) for axes in panels] == [1, 1, 2, 2]
     assert list(panels[2].get_lines()[0].get_ydata()) == [1.5, 1.5]
     assert list(panels[2].get_lines()[3].get_ydata()) == [3, 5]
-    assert errors([]).empty
+    assert errors({"trained": []}).empty

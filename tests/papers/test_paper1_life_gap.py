@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -78,7 +79,8 @@ def test_a_diagnosis_becomes_a_row_and_its_effects_a_training(root: Path, config
     assert set(row["added"]) <= set(row["effects"])
     more = life_gap.added(row)
     assert (more is None) == (not row["added"])
-    table = verdicts("stand-in", [(asked, row), (asked, {"refused": "too few", "records": 1})])
+    found = [SimpleNamespace(job=asked, value=value) for value in (row, {"refused": "too few", "records": 1})]
+    table = verdicts("stand-in", found)
     assert list(table["verdict"]) == [row["status"], "too few"] and (table["data"] == "stand-in").all()
 
 

@@ -14,8 +14,9 @@ from papers.framework import Work
 from papers.paper2_digital_twin.live import study as tables_live
 from papers.paper2_digital_twin.live.jobs import ARMS, Scenario, live_through, machine_of, messages_of
 from papers.paper2_digital_twin.live.study import DRIFT, STUDY, WHOLE, by_phase, phase_of
-from papers.paper2_digital_twin.live_twin import Snapshot, twin
+from papers.paper2_digital_twin.live_twin import twin
 from papers.paper2_digital_twin.live_twin.drift import Alarm, DriftDetector
+from papers.paper2_digital_twin.live_twin.messages import Snapshot
 from papers.paper2_digital_twin.live_twin.refit import Fit, refit
 from twingap.errors import TwingapError
 from twingap.sweep import Result

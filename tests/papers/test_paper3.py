@@ -281,7 +281,7 @@ def test_rows_add_up(whole: Work) -> None:
     assert (called.loc["DANN"].to_numpy().sum(), called.loc["analyst's rule"].to_numpy().sum()) == (2 * 40, 40)
     dann = called.loc["DANN"].to_numpy()
     assert np.trace(dann) / dann.sum() == pytest.approx(table["accuracy"][1])
-    (gain,) = tables.adaptation(whole["results"], whole.options, whole.title).to_dict("records")
+    (gain,) = tables.adaptation(whole).to_dict("records")
     assert gain["gain"] == pytest.approx(table["accuracy"][1] - table["accuracy"][0])
 
 

@@ -13,6 +13,7 @@ from papers.extra.baselines import study as tables
 from papers.extra.layers import jobs as layers
 from papers.extra.layers.study import STUDY as LAYERS
 from papers.paper3_zoa_dann.comparison.task_files import Material
+from papers.paper3_zoa_dann.comparison.trial import Trial
 from papers.paper3_zoa_dann.inputs.options import read_options
 from papers.paper3_zoa_dann.source import Recipe, simulate
 from twingap.adapt import ModeInputs, Training, Windows
@@ -110,7 +111,8 @@ def test_probes_and_checkpoints_add_up(recipe: Recipe, material: Material, label
     training = Training(steps=2, batch=4, checkpoints=2, vary=True)
     inputs = ModeInputs(n_modes=2, max_iterations=10)
     jobs_of = [
-        layers.Trial("A3", method, 0, training, inputs, 0.3, "infomax", recipe) for method in ("Proposed", "Non-DN")
+        Trial("A3", "balanced", None, method, 0, None, training, inputs, "infomax", 0.3, 0.01, recipe)
+        for method in ("Proposed", "Non-DN")
     ]
     values = [layers.probe(job, material, labelled) for job in jobs_of]
     assert list(values[0]["layers"]) == ["modes", *layers.LAYERS[:3], *layers.LAYERS[4:]]

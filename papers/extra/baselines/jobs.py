@@ -8,18 +8,17 @@ Tasks, split, windows, identification and criterion are the comparison's. "Real 
 the recordings adapted to: no method may do so, and it shows what the features allow at all.
 """
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from papers.arrays import Array
+from papers.framework import Result, Work
 from papers.paper3_zoa_dann.comparison.jobs import Prepared, cells, prepared
 from papers.paper3_zoa_dann.comparison.task_files import Material, windows_to_adapt_to
 from papers.paper3_zoa_dann.comparison.trial import fleet_examples
@@ -28,10 +27,6 @@ from papers.paper3_zoa_dann.source import Recipe, simulate
 from twingap import Bearing, TwingapError
 from twingap.adapt import CRITERIA, Evidence, Outputs, Windows
 from twingap.adapt.order_features import names, order_features
-
-if TYPE_CHECKING:
-    from papers.framework import Work
-    from twingap.sweep import Result
 
 Labels = NDArray[np.int64]
 
@@ -71,10 +66,9 @@ def trials(ready: Prepared, task: str, criterion: str) -> Iterator[Trial]:
             yield Trial(task, ready.cell.unseen, source, seed, criterion, recipe)
 
 
-def results(work: Work) -> list[tuple[str, Result[Trial]]]:
+def results(work: Work) -> Iterator[tuple[str, Result[Trial]]]:
     """Every trial with the title of its data; balanced data, no noise added."""
     criterion = read_common().judging.criterion
-    found: list[tuple[str, Result[Trial]]] = []
     for task, target in work["tasks"]:
         chosen = [cell for cell in cells(task, work.size, work.seed) if cell.available == "balanced"]
         for ready in prepared(work, task, target, chosen):
@@ -84,8 +78,7 @@ def results(work: Work) -> list[tuple[str, Result[Trial]]]:
                 ready.inputs | {"labelled": (labelled, None)},
                 lambda job: f"{job.task}, {job.source}, unseen {job.unseen}, seed {job.seed}", f"task {task.name}",
             )  # fmt: skip
-            found += [(target.title, own) for own in made]
-    return found
+            yield from ((target.title, own) for own in made)
 
 
 def run_trial(job: Trial, material: Material, labelled: Windows) -> dict[str, dict[str, Any]]:

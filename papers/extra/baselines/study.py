@@ -1,6 +1,5 @@
 """Study of shallow baselines, configured as the comparison: trials; means by data set, source and method; tests."""
 
-from collections.abc import Sequence
 from importlib.util import find_spec
 
 import pandas as pd
@@ -9,21 +8,15 @@ from papers.extra.baselines import jobs
 from papers.framework import Rows, Step, Study, Work, as_table
 from papers.paper3_zoa_dann.comparison.jobs import Options, load_tasks
 from papers.paper3_zoa_dann.significance import corrected, paired
-from twingap.sweep import Result
 
 MEASURES = ("accuracy", "oracle", "macro_f1", "auroc")
 CELL = ["held_out", "data", "source", "method"]
 
 
-def all_tables(work: Work) -> dict[str, pd.DataFrame]:
-    rows = table(work["results"])
-    return {"baselines": rows, "baselines-mean": means(rows), "baselines-tests": tests(rows)}
-
-
 @as_table
-def table(found: Sequence[tuple[str, Result[jobs.Trial]]]) -> Rows:
+def table(work: Work) -> Rows:
     """A row per trial and held-out unit: recordings (all windows), bearings (those of bearings not adapted to)."""
-    for data, own in found:
+    for data, own in work["results"]:
         job = own.job
         for method, value in own.value.items():
             about = {"data": data, "task": job.task, "source": job.source, "method": method, "seed": job.seed}
@@ -59,7 +52,11 @@ STUDY = Study(
     title="shallow domain adaptation by skada",
     options=Options,
     steps=(Step("tasks", load_tasks), Step("results", jobs.results)),
-    tables=all_tables,
+    tables={
+        "baselines": table,
+        "baselines-mean": lambda work: means(work.tables["baselines"]),
+        "baselines-tests": lambda work: tests(work.tables["baselines"]),
+    },
     headlines=("baselines-mean",),
     at_hand=lambda root: find_spec("skada") is not None,
 )

@@ -13,17 +13,16 @@ calibrated on. Leaving a bearing out keeps its own end from its prediction, and 
 nobody has looked at, expect less.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import numpy as np
 
 from papers.arrays import Array
 from papers.extra.femto import rivals
+from papers.framework import Inputs, Work
 from papers.paper1_rul_varying_speed.methods.run import remaining_time_s
 from twingap import TwingapError
 from twingap.data import NotAtHandError, data_root, load
@@ -31,10 +30,6 @@ from twingap.prognosis import OnlineLife, Outcome, Prior, prior_from
 from twingap.prognosis.past_errors import PastIntervals
 from twingap.provenance import digest_of_path
 from twingap.signal.features import time_features
-
-if TYPE_CHECKING:
-    from papers.framework import Inputs, Work
-
 
 FEWEST: Final = 3  # runs: what one is predicted with comes from two others at least
 POOLED, ALONE = "twingap rul --prior", "twingap rul"

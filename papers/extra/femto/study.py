@@ -1,6 +1,5 @@
 """Study of FEMTO's runs, and its tables: errors by method and bearing, and who is at least as good where."""
 
-from collections.abc import Iterator, Sequence
 from typing import Any, Final
 
 import numpy as np
@@ -58,21 +57,20 @@ def judge(run: jobs.Measured, found: dict[str, Any]) -> dict[str, float]:
     }  # fmt: skip
 
 
-def table(runs: dict[str, jobs.Measured], results: Sequence[tuple[jobs.Prediction, dict[str, Any]]]) -> pd.DataFrame:
+def table(work: Work) -> pd.DataFrame:
     """A row per bearing and method; of several seeds, the mean, and how far their RMSE scatters."""
-    rows = [
-        {"bearing": job.bearing, "method": job.method, "seed": job.seed, "alarm_row": value["alarm"],
-         "passed": value["passed"], **{what: value.get(what, np.nan) for what in LEARNT},
-         **judge(runs[job.bearing], value)}
-        for job, value in results
-    ]  # fmt: skip
-    by = ["bearing", "method"]
-    every = pd.DataFrame(rows)
+    runs, found = work["runs"], [(r.job, r.value) for r in work["predictions"]]
+    alone = {job.bearing: value for job, value in found if job.method == jobs.ALONE}
+    found += [(jobs.Prediction(name, jobs.POOLED, 0), pooled(name, runs, alone)) for name in runs]
+    every = pd.DataFrame(
+        {"bearing": job.bearing, "method": job.method, "alarm_row": value["alarm"], "passed": value["passed"],
+         **{what: value.get(what, np.nan) for what in LEARNT}, **judge(runs[job.bearing], value)}
+        for job, value in found
+    )  # fmt: skip
     every["bearing"] = pd.Categorical(every["bearing"], list(runs))
     every["method"] = pd.Categorical(every["method"], jobs.METHODS)
-    grouped = every.drop(columns="seed").groupby(by, sort=True, observed=True, as_index=False)
-    found = grouped.mean()
-    return found.assign(seeds=grouped.size()["size"], rmse_std_s=grouped["rmse_s"].std(ddof=1)["rmse_s"])
+    grouped = every.groupby(["bearing", "method"], sort=True, observed=True, as_index=False)
+    return grouped.mean().assign(seeds=grouped.size()["size"], rmse_std_s=grouped["rmse_s"].std(ddof=1)["rmse_s"])
 
 
 @as_table
@@ -101,14 +99,6 @@ def wins(every: pd.DataFrame) -> Rows:
                 }  # fmt: skip
 
 
-def all_tables(work: Work) -> dict[str, pd.DataFrame]:
-    runs, found = work["runs"], work["predictions"]
-    alone = {r.job.bearing: r.value for r in found if r.job.method == jobs.ALONE}
-    together = [(jobs.Prediction(name, jobs.POOLED, 0), pooled(name, runs, alone)) for name in runs]
-    every = table(runs, together + [(r.job, r.value) for r in found])
-    return {"femto": every, "femto_wins": wins(every)}
-
-
 STYLES: Final = {
     "twingap rul --prior": ("#0072B2", "o"),
     "twingap rul": ("#56B4E9", "s"),
@@ -117,10 +107,6 @@ STYLES: Final = {
     "random forest": ("#009E73", "v"),
 }
 """Method -> colour and marker, which tells them apart without colours."""
-
-
-def all_figures(work: Work) -> Iterator[tuple[str, Figure]]:
-    yield "femto", errors(work.tables["femto"])
 
 
 def errors(every: pd.DataFrame) -> Figure:
@@ -152,8 +138,8 @@ STUDY = Study(
         Step("runs", lambda work: {r.job.bearing: jobs.Measured(**r.value) for r in work["features"]}),
         Step("predictions", jobs.predict, jobs.predictions, lambda work: {"runs": work.keyed("runs", "features")}),
     ),
-    tables=all_tables,
-    figures=all_figures,
+    tables={"femto": table, "femto_wins": lambda work: wins(work.tables["femto"])},
+    figures={"femto": lambda work: errors(work.tables["femto"])},
     letters=(12, 10),
     headlines=("femto", "femto_wins"),
 )

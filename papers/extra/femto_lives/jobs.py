@@ -11,35 +11,28 @@ planted fault (inner race is taken, as in the paper), and no known end (ten time
 alarm that the paper waits for, so two minutes are tried as well.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import functools
 import itertools
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import numpy as np
 
 from papers.extra.life_gap.diagnoses import SEEN, Asked, modelled, pair_of, row_of
 from papers.extra.life_gap.jobs import MODELS, added, lives_config, root_of
+from papers.framework import Inputs, Result, Work
 from papers.paper1_rul_varying_speed.cases import Case, adapted, case_of
 from papers.paper1_rul_varying_speed.job import Added, Job, job_of, train_and_judge
-from papers.paper1_rul_varying_speed.lives import options as lives_options
-from papers.paper1_rul_varying_speed.lives.options import Options as Lives
-from papers.paper1_rul_varying_speed.lives.options import read_options
+from papers.paper1_rul_varying_speed.lives import options as of_lives
 from papers.paper1_rul_varying_speed.methods.architecture import architecture_of
 from papers.paper1_rul_varying_speed.methods.run import read_run
 from twingap import RecordSet, TwingapError
 from twingap.data import data_root, load
 from twingap.gap.knowledge import shipped_digest
 from twingap.provenance import digest_of_path
-
-if TYPE_CHECKING:
-    from papers.framework import Inputs, Work
-    from twingap.sweep import Result
 
 FAULT: Final = "inner"
 REFERENCE_MIN: Final = 10.0  # healthy beginning: 60 snapshots, as many as `twingap rul` takes
@@ -50,7 +43,7 @@ PRINTED, CLOSED = "printed", "closed"  # variants of the configuration
 
 
 @dataclass(frozen=True)
-class Size(lives_options.Size):
+class Size(of_lives.Size):
     waits_min: tuple[float, ...]
 
 
@@ -71,7 +64,7 @@ class Wanted:
         return f"{self.bearing}, {self.wait_min:g} min after the alarm"
 
 
-def read_case(records: RecordSet, name: str, wait_min: float, options: Lives) -> Case:
+def read_case(records: RecordSet, name: str, wait_min: float, options: of_lives.Options) -> Case:
     """A run as the paper's recipe reads it; the end is known to the judge alone."""
     own = records.select(lambda c: c.group == name)
     run = read_run(own)
@@ -90,19 +83,19 @@ def read_case(records: RecordSet, name: str, wait_min: float, options: Lives) ->
 
 @functools.lru_cache(maxsize=12)
 def _case(name: str, wait_min: float, root: str | None, config: str) -> Case:
-    return read_case(load("femto", root), name, wait_min, read_options(Path(config)))
+    return read_case(load("femto", root), name, wait_min, of_lives.read_options(Path(config)))
 
 
 def diagnosed(wanted: Wanted, *, root: str | None, config: str) -> dict[str, Any]:
     """What the printed twin lacks, by records from the anomaly to now alone, as a row."""
     case = _case(wanted.bearing, wanted.wait_min, root, config)
-    signal = read_options(Path(config)).variants[PRINTED].signal
+    signal = of_lives.read_options(Path(config)).variants[PRINTED].signal
     asked = Asked("femto lives", SEEN, wanted.words, (wanted.bearing,), wanted.seed)
     real, sim = pair_of(asked, [case], signal)
     return row_of(asked, real, modelled(signal), sim)
 
 
-def trainings_of(case: Case, options: Lives, named: Added | None, size: Size) -> Iterator[Job]:
+def trainings_of(case: Case, options: of_lives.Options, named: Added | None, size: Size) -> Iterator[Job]:
     """Trainings of the printed twin, of the same with the named effects where there are any, and of the closed one."""
     twins = [(PRINTED, None), *([(PRINTED, named)] if named is not None else []), (CLOSED, None)]
     for seed, (variant, more), model in itertools.product(range(size.seeds), twins, MODELS):
@@ -123,7 +116,7 @@ def cases(work: Work) -> dict[Wanted, Case]:
     for place, one in enumerate(work["wanted"]):
         work.progress("femto_lives, runs read", place, len(work["wanted"]))
         try:
-            found[one] = read_case(records, one.bearing, one.wait_min, read_options(lives_config(work)))
+            found[one] = read_case(records, one.bearing, one.wait_min, of_lives.read_options(lives_config(work)))
         except TwingapError as error:
             refused[one] = str(error)
     if not found:
@@ -136,22 +129,17 @@ def inputs(work: Work) -> Inputs:
     """Where the snapshots are, and the digests of all that a diagnosis reads."""
     config = lives_config(work)
     read = f"{shipped_digest()} {digest_of_path(data_root(work.root) / 'femto')}"
-    return {"root": (root_of(work), read), "config": (str(config), repr(read_options(config)))}
+    return {"root": (root_of(work), read), "config": (str(config), repr(of_lives.read_options(config)))}
 
 
-def trained(work: Work) -> list[tuple[Wanted, Result[Job]]]:
-    options = read_options(lives_config(work))
+def trained(work: Work) -> Iterator[tuple[Wanted, Result[Job]]]:
+    options = of_lives.read_options(lives_config(work))
     told = {r.job: added(dict(r.value)) for r in work["diagnoses"]}
-    found: list[tuple[Wanted, Result[Job]]] = []
     for one, case in work["cases"].items():
         results = work.sweep(
             train_and_judge, trainings_of(case, options, told[one], work.size), {"case": (case, case.digest)},
-            functools.partial(_words, one), f"training, {one.words}",
+            lambda j: f"{j.bearing}, {j.variant} twin, {j.model}, seed {j.seed}, {j.added}",
+            f"training, {one.words}",
             data={"adaptation": repr((options.adaptation, one.wait_min, REFERENCE_MIN, END_RATIO))},
         )  # fmt: skip
-        found += [(one, result) for result in results]
-    return found
-
-
-def _words(wanted: Wanted, job: Job) -> str:
-    return f"{wanted.words}, {job.variant} twin, {job.model}, seed {job.seed}, {job.added}"
+        yield from ((one, result) for result in results)

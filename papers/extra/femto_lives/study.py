@@ -1,6 +1,5 @@
 """Study of paper 1's twin on FEMTO's runs: verdicts, errors by twin, what closing the gap is worth."""
 
-from collections.abc import Iterator, Sequence
 from typing import Any, Final
 
 import numpy as np
@@ -10,23 +9,14 @@ from matplotlib.figure import Figure
 from papers.extra.femto.jobs import at_hand
 from papers.extra.femto_lives import jobs
 from papers.extra.life_gap.study import verdict
-from papers.figures import rule, subplots
+from papers.figures import name_axes, rule, subplots
 from papers.framework import Rows, Step, Study, Work, as_table
-from papers.intervals import compared
-from papers.paper1_rul_varying_speed.cases import Case
+from papers.intervals import by_seed, compared
 from papers.paper1_rul_varying_speed.job import Job
 from papers.paper1_rul_varying_speed.methods.metrics import rmse
 
 AS_PRINTED, NAMED, CLOSED = "as printed", "named effects added", "closed"
 TWINS: Final = (AS_PRINTED, NAMED, CLOSED)
-
-
-def all_tables(work: Work) -> dict[str, pd.DataFrame]:
-    told = {r.job: dict(r.value) for r in work["diagnoses"]}
-    every = errors([(one.wait_min, r.job, dict(r.value)) for one, r in work["trained"]])
-    cases, refused = work["cases"], work["refused"]
-    runs = [(w.bearing, w.wait_min, cases.get(w), told.get(w), refused.get(w, "")) for w in work["wanted"]]
-    return {"femto_lives": of_runs(runs), "femto_lives_rmse": every, "femto_lives_summary": summary(every)}
 
 
 def twin_of(job: Job) -> str:
@@ -36,13 +26,15 @@ def twin_of(job: Job) -> str:
 
 
 @as_table
-def of_runs(asked: Sequence[tuple[str, float, Case | None, dict[str, Any] | None, str]]) -> Rows:
+def of_runs(work: Work) -> Rows:
     """A row per run and wait: rows of anomaly, now and end, what the simulated lives alone are off by, the verdict."""
-    for bearing, wait, case, told, why in asked:
-        line: dict[str, Any] = {"data": "FEMTO", "bearing": bearing, "wait_min": wait}
-        if case is None or told is None:
-            yield line | {"refused": why}
+    diagnoses = {r.job: r.value for r in work["diagnoses"]}
+    for wanted in work["wanted"]:
+        line: dict[str, Any] = {"data": "FEMTO", "bearing": wanted.bearing, "wait_min": wanted.wait_min}
+        if wanted in work["refused"]:
+            yield line | {"refused": work["refused"][wanted]}
             continue
+        case, told = work["cases"][wanted], diagnoses[wanted]
         twin, own = case.known.twin, case.minutes(case.mean_of_lives())
         line |= {
             "onset_row": twin.onset_row, "now_row": twin.now_row, "last_row": case.run.time_s.size - 1,
@@ -52,35 +44,27 @@ def of_runs(asked: Sequence[tuple[str, float, Case | None, dict[str, Any] | None
         yield line | verdict(told)
 
 
-def errors(results: Sequence[tuple[float, Job, dict[str, Any]]]) -> pd.DataFrame:
+@as_table
+def errors(work: Work) -> Rows:
     """RMSE (min) of every training: of the checkpoint chosen without labels, and of the one labels would choose."""
-    return pd.DataFrame([
-        {
-            "data": "FEMTO", "bearing": job.bearing, "wait_min": wait, "twin": twin_of(job), "model": job.model,
-            "seed": job.seed, "rmse_min": value["rmse_min"][value["place"]], "oracle_min": min(value["rmse_min"]),
-        }
-        for wait, job, value in results
-    ])  # fmt: skip
+    for wanted, r in work["trained"]:
+        yield {
+            "data": "FEMTO", "bearing": r.job.bearing, "wait_min": wanted.wait_min, "twin": twin_of(r.job),
+            "model": r.job.model, "seed": r.job.seed, "rmse_min": r.value["rmse_min"][r.value["place"]],
+            "oracle_min": min(r.value["rmse_min"]),
+        }  # fmt: skip
 
 
 @as_table
 def summary(every: pd.DataFrame) -> Rows:
     """By wait, model and twin: mean RMSE over runs, and its ratio to that of the printed twin with a 90 % interval."""
     for (wait, model), own in every.groupby(["wait_min", "model"], sort=False):
-        tables = {
-            twin: part.pivot(index="bearing", columns="seed", values="rmse_min") for twin, part in own.groupby("twin")
-        }
-        before = tables[AS_PRINTED]
-        for twin in TWINS[1:]:
-            after = tables.get(twin, before.iloc[:0])
-            yield {"data": "FEMTO", "wait_min": wait, "model": model, "twin": twin, **compared(before, after)}
+        printed, *others = (by_seed(own[own["twin"] == twin]) for twin in TWINS)
+        for twin, errors in zip(TWINS[1:], others, strict=True):
+            yield {"data": "FEMTO", "wait_min": wait, "model": model, "twin": twin, **compared(printed, errors)}
 
 
 MARKS: Final = {AS_PRINTED: ("#D55E00", "o", -0.22), NAMED: ("#0072B2", "s", 0.0), CLOSED: ("#009E73", "^", 0.22)}
-
-
-def all_figures(work: Work) -> Iterator[tuple[str, Figure]]:
-    yield "femto_lives", lives(work.tables["femto_lives_rmse"], work.tables["femto_lives"])
 
 
 def lives(every: pd.DataFrame, runs: pd.DataFrame) -> Figure:
@@ -107,11 +91,8 @@ def lives(every: pd.DataFrame, runs: pd.DataFrame) -> Figure:
             axes.set_ylim(bottom=0)
             axes.set_title(f"{model}, {wait:g} min after the alarm")
             rule(axes, "y")
-        line[0].set_ylabel("RMSE, min")
-    for axes in panels[-1]:
-        axes.set_xlabel("FEMTO bearing")
-    handles, labels = panels[0, 0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=4, handlelength=2.4)
+    name_axes(panels, "FEMTO bearing", "RMSE, min")
+    figure.legend(*panels[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=4, handlelength=2.4)
     return figure
 
 
@@ -127,8 +108,12 @@ STUDY = Study(
         Step("diagnoses", jobs.diagnosed, lambda work: list(work["cases"]), jobs.inputs, lambda job: job.words),
         Step("trained", jobs.trained),
     ),
-    tables=all_tables,
-    figures=all_figures,
+    tables={
+        "femto_lives": of_runs,
+        "femto_lives_rmse": errors,
+        "femto_lives_summary": lambda work: summary(work.tables["femto_lives_rmse"]),
+    },
+    figures={"femto_lives": lambda work: lives(work.tables["femto_lives_rmse"], work.tables["femto_lives"])},
     letters=(12, 10),
     headlines=("femto_lives", "femto_lives_summary"),
 )

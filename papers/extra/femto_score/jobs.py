@@ -8,20 +8,19 @@ Nothing of the bearing that is predicted enters its prediction but its rows up t
 are trained at cuts of the other runs in the same band of life, so they know where cuts lie. `twingap rul` does not.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import itertools
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import numpy as np
 
 from papers.arrays import Array
 from papers.extra.femto import rivals
-from papers.extra.femto.jobs import Features, at_least
+from papers.extra.femto.jobs import Features, Prediction, at_least
+from papers.framework import Inputs, Work
 from papers.paper1_rul_varying_speed.methods.metrics import phm2012_accuracy
 from twingap.data import load
 from twingap.prognosis.life_law import law_of, log_normal
@@ -31,9 +30,6 @@ from twingap.prognosis.past_errors import PastIntervals
 from twingap.prognosis.prior import Prior, quantiles_of
 from twingap.provenance import digest_of_value
 from twingap.signal.envelope import envelope
-
-if TYPE_CHECKING:
-    from papers.framework import Inputs, Work
 
 _TRIED: Final = np.linspace(0.02, 1.0, 99)  # shares of the life so far that are tried
 
@@ -94,13 +90,6 @@ class Growth:
     bearing: str
     indicator: str
     cuts: tuple[int, ...]
-
-
-@dataclass(frozen=True)
-class Prediction:
-    bearing: str
-    method: str
-    seed: int
 
 
 @dataclass(frozen=True)

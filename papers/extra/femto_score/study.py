@@ -148,14 +148,6 @@ def lives(work: Work) -> pd.DataFrame:
     return pd.DataFrame(rows).groupby([*by, "bearing"], sort=False).mean().groupby(by, sort=False).mean().reset_index()
 
 
-def all_tables(work: Work) -> dict[str, pd.DataFrame]:
-    every = by_bearing(work)
-    return {
-        "femto_score": means(every), "femto_score_bearings": every, "femto_score_bounds": bounds(work),
-        "femto_score_indicators": indicators(work), "femto_score_lives": lives(work),
-    }  # fmt: skip
-
-
 STUDY = Study(
     name="femto_score",
     title="score of the PHM 2012 challenge on the FEMTO learning bearings",
@@ -170,6 +162,12 @@ STUDY = Study(
         Step("grown", lambda work: {(r.job.bearing, r.job.indicator): r.value for r in work["follow"]}),
         Step("predict", jobs.predict, jobs.predictions, jobs.of_growth),
     ),
-    tables=all_tables,
+    tables={
+        "femto_score_bearings": by_bearing,
+        "femto_score": lambda work: means(work.tables["femto_score_bearings"]),
+        "femto_score_bounds": bounds,
+        "femto_score_indicators": indicators,
+        "femto_score_lives": lives,
+    },
     headlines=("femto_score", "femto_score_bounds", "femto_score_lives"),
 )

@@ -9,30 +9,25 @@ A linear probe (Alain and Bengio 2016, arXiv:1610.01644) that is taught by true 
 the classes; taught by simulated windows it says how much of that simulation can teach.
 """
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from papers.arrays import Array
+from papers.framework import Result, Work
 from papers.options import expect
 from papers.paper3_zoa_dann.comparison.jobs import Cell, kept_modes, prepared
 from papers.paper3_zoa_dann.comparison.jobs import read_options as read_comparison
 from papers.paper3_zoa_dann.comparison.task_files import Material, windows_to_adapt_to
-from papers.paper3_zoa_dann.inputs.options import Size
-from papers.paper3_zoa_dann.inputs.options import read_options as read_common
-from papers.paper3_zoa_dann.source import Recipe, simulate
-from twingap.adapt import METHODS, Fitted, ModeInputs, Training, Windows, fit
-
-if TYPE_CHECKING:
-    from papers.framework import Work
-    from twingap.sweep import Result
+from papers.paper3_zoa_dann.comparison.trial import Trial
+from papers.paper3_zoa_dann.inputs import options as frame
+from papers.paper3_zoa_dann.source import simulate
+from twingap.adapt import METHODS, Fitted, Windows, fit
 
 LAYERS: Final = (
     "denoising.branches", "denoising.fusion", "denoising.gate", "lift", "attention", "feed_forward",
@@ -44,47 +39,31 @@ BATCH: Final = 128
 @dataclass(frozen=True)
 class Options:
     methods: tuple[str, ...]
-    profiles: dict[str, Size]
+    profiles: dict[str, frame.Size]
 
     def __post_init__(self) -> None:
         for name in self.methods:
             expect(name, [own for own in METHODS if METHODS[own].architecture is not None], "methods")
 
 
-@dataclass(frozen=True)
-class Trial:
-    """One training and the probes of its layers."""
-
-    task: str
-    method: str
-    seed: int
-    training: Training
-    inputs: ModeInputs
-    held_out: float
-    criterion: str
-    recipe: Recipe
-
-
-def results(work: Work) -> list[tuple[str, Result[Trial]]]:
+def results(work: Work) -> Iterator[tuple[str, Result[Trial]]]:
     """Every trial, with the title of its data; all bearings adapted to, balanced data."""
-    comparison, common, size = read_comparison(), read_common(), work.size
+    comparison, judging, size = read_comparison(), frame.read_options().judging, work.size
     training = dataclasses.replace(comparison.training, steps=size.steps)
     seeds = tuple(range(work.seed, work.seed + size.seeds))
-    found: list[tuple[str, Result[Trial]]] = []
     for task, target in work["tasks"]:
         unseen = None if task.same_bearings else task.unseen(work.seed)
         for ready in prepared(work, task, target, [Cell("balanced", unseen, seeds, ())]):
             labelled = windows_to_adapt_to(task, target.records, "balanced", unseen)
             jobs = [
-                Trial(task.name, method, seed, training, comparison.inputs, common.judging.held_out,
-                      common.judging.criterion, ready.recipe)
+                Trial(task.name, "balanced", unseen, method, seed, None, training, comparison.inputs,
+                      judging.criterion, judging.held_out, judging.false_alarm, ready.recipe)
                 for seed in seeds for method in work.options.methods
             ]  # fmt: skip
             with kept_modes(work.out) as modes:
                 inputs = ready.inputs | {"labelled": (labelled, None), "modes": (modes, None)}
-                made = work.sweep(probe, jobs, inputs, lambda job: f"{job.task}, {job.method}, seed {job.seed}")
-            found += [(target.title, own) for own in made]
-    return found
+                made = work.sweep(probe, jobs, inputs, lambda job: job.words)
+            yield from ((target.title, own) for own in made)
 
 
 def probe(job: Trial, material: Material, labelled: Windows, modes: Path | None = None) -> dict[str, Any]:

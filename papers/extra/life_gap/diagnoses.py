@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from papers.arrays import spread
 from papers.extra.femto import jobs as femto
 from papers.paper1_rul_varying_speed.cases import Case, Target, load_target, read_case
 from papers.paper1_rul_varying_speed.lives.options import Options, read_options
@@ -100,11 +100,6 @@ def as_records(
 ) -> Iterator[Record]:
     for row, speed, name, group in zip(samples, speed_rpm, names, groups, strict=True):
         yield Record(Condition(name, float(speed), fs_hz, row.size, fault, group=group), np.asarray(row, float))
-
-
-def spread(count: int, wanted: int) -> NDArray[np.int64]:
-    """At most so many places of `count`, evenly."""
-    return np.unique(np.linspace(0, count - 1, min(count, wanted)).round().astype(np.int64))
 
 
 def modelled(model: SignalModel) -> TwinSpec:

@@ -10,15 +10,14 @@ records up to now, without labels. FEMTO's runs have no twin of lives here: the 
 each stage, and nothing is trained on it.
 """
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 from papers.extra.life_gap.diagnoses import AFTER_ALARM, BEFORE_ALARM, SEEN, SPEEDS, STAGES, VARIANT, Asked, target_of
+from papers.framework import Inputs, Result, Work
 from papers.paper1_rul_varying_speed.cases import Case, read_case
 from papers.paper1_rul_varying_speed.job import Added, Job, job_of, train_and_judge
 from papers.paper1_rul_varying_speed.lives.options import Options as Lives
@@ -27,10 +26,6 @@ from papers.paper1_rul_varying_speed.methods.architecture import architecture_of
 from twingap.data import NotAtHandError, data_root, load
 from twingap.gap.knowledge import shipped_digest
 from twingap.provenance import digest_of_path
-
-if TYPE_CHECKING:
-    from papers.framework import Inputs, Work
-    from twingap.sweep import Result
 
 MODELS: Final = ("CNN", "Proposed model 3")
 
@@ -82,18 +77,16 @@ def diagnosis_inputs(work: Work) -> Inputs:
     return {"root": (root_of(work), " ".join(read.values())), "config": config}
 
 
-def trained(work: Work) -> list[Result[Job]]:
+def trained(work: Work) -> Iterator[Result[Job]]:
     """Trainings without and with the effects that were named on each run."""
     alone = (r for r in work["diagnoses"] if (r.job.data, r.job.speed) == ("rig", "all"))
     named = {r.job.bearings[0]: added(dict(r.value)) for r in alone}
-    found: list[Result[Job]] = []
     for name, case in work["cases"].items():
-        found += work.sweep(
+        yield from work.sweep(
             train_and_judge, trainings_of(case, work["options"], named[name], work.size),
             {"case": (case, case.digest)}, lambda j: f"{j.bearing}, {j.model}, seed {j.seed}, {j.added}",
             f"training, {name}", data={"adaptation": repr(work["options"].adaptation)},
         )  # fmt: skip
-    return found
 
 
 def added(row: dict[str, Any]) -> Added | None:

@@ -1,6 +1,6 @@
 """Study of the gap of paper 1's twin, and its tables: verdicts, errors before and after, worth of the difference."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -10,20 +10,14 @@ from matplotlib.figure import Figure
 from papers.extra.life_gap import diagnoses, jobs
 from papers.extra.life_gap.diagnoses import Asked
 from papers.figures import rule, subplots
-from papers.framework import Rows, Step, Study, Work, as_table
-from papers.intervals import compared
-from papers.paper1_rul_varying_speed.job import Job
-
-
-def all_tables(work: Work) -> dict[str, pd.DataFrame]:
-    every = errors(work.title, [(r.job, dict(r.value)) for r in work["trained"]])
-    told = verdicts(work.title, [(r.job, dict(r.value)) for r in work["diagnoses"]])
-    return {"life_gap": told, "life_gap_rmse": every, "life_gap_summary": summary(every)}
+from papers.framework import Result, Rows, Step, Study, Work, as_table
+from papers.intervals import by_seed, compared
 
 
 @as_table
-def verdicts(title: str, answers: Sequence[tuple[Asked, dict[str, Any]]]) -> Rows:
-    for asked, row in answers:
+def verdicts(title: str, diagnoses: Sequence[Result[Asked]]) -> Rows:
+    for r in diagnoses:
+        asked, row = r.job, r.value
         line: dict[str, Any] = {
             "data": title if asked.data == "rig" else "FEMTO",
             "bearings": asked.bearings[0] if len(asked.bearings) == 1 else f"{len(asked.bearings)} bearings",
@@ -46,13 +40,13 @@ def verdict(row: dict[str, Any]) -> dict[str, Any]:
 
 
 @as_table
-def errors(title: str, results: Sequence[tuple[Job, dict[str, Any]]]) -> Rows:
+def errors(work: Work) -> Rows:
     """RMSE (min) by run and model without and with the effects; of runs where none was added, both alike."""
-    for job, value in results:
+    for r in work["trained"]:
         yield {
-            "data": title, "bearing": job.bearing, "model": job.model, "seed": job.seed,
-            "added": "" if job.added is None else ", ".join(name for name, _ in job.added.effects),
-            "rmse_min": value["rmse_min"][value["place"]], "oracle_min": min(value["rmse_min"]),
+            "data": work.title, "bearing": r.job.bearing, "model": r.job.model, "seed": r.job.seed,
+            "added": "" if r.job.added is None else ", ".join(name for name, _ in r.job.added.effects),
+            "rmse_min": r.value["rmse_min"][r.value["place"]], "oracle_min": min(r.value["rmse_min"]),
         }  # fmt: skip
 
 
@@ -60,16 +54,11 @@ def errors(title: str, results: Sequence[tuple[Job, dict[str, Any]]]) -> Rows:
 def summary(every: pd.DataFrame) -> Rows:
     """Mean RMSE over runs by model, before and after, and the ratio with its 90 % interval over seeds."""
     for model, own in every.groupby("model", sort=False):
-        parts = (own[own["added"] == ""], own[own["added"] != ""])
-        before, after = (part.pivot(index="bearing", columns="seed", values="rmse_min") for part in parts)
+        before, after = (by_seed(part) for part in (own[own["added"] == ""], own[own["added"] != ""]))
         yield {"data": own["data"].iloc[0], "model": model, **compared(before, after)}
 
 
 BEFORE, AFTER = "#D55E00", "#0072B2"
-
-
-def all_figures(work: Work) -> Iterator[tuple[str, Figure]]:
-    yield "life_gap", gaps(work.tables["life_gap"])
 
 
 def gaps(told: pd.DataFrame) -> Figure:
@@ -99,8 +88,7 @@ def gaps(told: pd.DataFrame) -> Figure:
         axes.set_ylabel("overall gap")
         axes.set_xlabel(grouped["data"].iloc[0], labelpad=8)
         rule(axes, "y")
-    handles, labels = figure.axes[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=3)
+    figure.legend(*figure.axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=3)
     return figure
 
 
@@ -115,8 +103,12 @@ STUDY = Study(
         Step("diagnoses", diagnoses.diagnosed, jobs.asked, jobs.diagnosis_inputs, lambda job: job.words),
         Step("trained", jobs.trained),
     ),
-    tables=all_tables,
-    figures=all_figures,
+    tables={
+        "life_gap": lambda work: verdicts(work.title, work["diagnoses"]),
+        "life_gap_rmse": errors,
+        "life_gap_summary": lambda work: summary(work.tables["life_gap_rmse"]),
+    },
+    figures={"life_gap": lambda work: gaps(work.tables["life_gap"])},
     letters=(12, 10),
     headlines=("life_gap", "life_gap_summary"),
 )

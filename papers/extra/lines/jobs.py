@@ -10,23 +10,19 @@ recordings that lack the fault. Healthy ones are few, and other faults have line
 both references are given. Labels are read here: this judges recordings, and nothing learns from it.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 import numpy as np
 import pandas as pd
 
 from papers.arrays import Array
+from papers.framework import Work
 from papers.paper2_digital_twin.availability.records import RATE_HZ, TITLES
 from twingap import Bearing, RecordSet, TwingapError
 from twingap import data as datasets
 from twingap.signal import Spectrum, lines_at, squared_envelope_spectrum
-
-if TYPE_CHECKING:
-    from papers.framework import Work
 
 RIG: Final = "virtual_cwru"
 FAULTS: Final = ("inner", "outer", "ball")

@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 
 from papers.extra.lines import jobs
-from papers.framework import Rows, Step, Study, Work, as_table
+from papers.framework import Rows, Step, Study, as_table
 
 ANY: Final = "at least one"
 """In place of a sensor: counts of recordings of which something holds at one of their sensors or more."""
@@ -51,15 +51,11 @@ def told(rows: pd.DataFrame) -> Rows:
         }  # fmt: skip
 
 
-def all_tables(work: Work) -> dict[str, pd.DataFrame]:
-    return {"lines-told": told(work["rows"]), "lines-recordings": work["rows"]}
-
-
 STUDY = Study(
     name="lines",
     title="recordings that show the line of their own fault",
     options=jobs.Options,
     steps=(Step("rows", jobs.rows),),
-    tables=all_tables,
+    tables={"lines-told": lambda work: told(work["rows"]), "lines-recordings": lambda work: work["rows"]},
     headlines=("lines-told",),
 )

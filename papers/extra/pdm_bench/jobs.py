@@ -8,19 +8,19 @@ Methods, settings and label-free choice are those of the study of baselines. Ada
 labels; the forest and "No adaptation" are fitted without them.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
 
 from papers.arrays import Array
 from papers.extra.baselines.jobs import PLAIN, SETTINGS, chosen, scores
+from papers.framework import Result, Work
 from papers.options import expect
 from twingap import Condition, RecordSet, TwingapError
 from twingap import data as datasets
@@ -31,12 +31,6 @@ from twingap.bearing import FAULTS, Bearing
 from twingap.provenance import digest_of_path, digest_of_value
 from twingap.signal.features import time_features
 from twingap.twins.twin_file import TwinSpec
-
-if TYPE_CHECKING:
-    import pandas as pd
-
-    from papers.framework import Work
-    from twingap.sweep import Result
 
 Labels = NDArray[np.int64]
 Rows = Mapping[str, NDArray[Any]]
@@ -238,15 +232,13 @@ def indicators(x: Array, fs_hz: float) -> Array:
     return np.column_stack([of_time, mean, centre, np.sqrt(square), spread])
 
 
-def results(work: Work) -> list[Result[Trial]]:
-    found: list[Result[Trial]] = []
+def results(work: Work) -> Iterator[Result[Trial]]:
     for own in work["splits"]:
         train, judge, digest = work["rows"][own.name]
-        found += work.sweep(
+        yield from work.sweep(
             run_trial, list(trials(own, work)), {"train": (train, digest), "judge": (judge, digest)},
             lambda job: f"{job.scenario}, {job.source}, {job.view}, seed {job.seed}", f"scenario {own.name}",
         )  # fmt: skip
-    return found
 
 
 def trials(own: Split, work: Work) -> Iterator[Trial]:

@@ -10,9 +10,9 @@ from papers.framework import Rows, Step, Study, Work, as_table
 MEASURES = ["accuracy", "oracle", "macro_f1", "auroc", "recordings"]
 
 
-def all_tables(work: Work) -> dict[str, pd.DataFrame]:
-    """Every table by name; means are over seeds, with the deviation of the accuracy."""
-    rows = pd.DataFrame(
+def trials(work: Work) -> pd.DataFrame:
+    """A row per method, source and seed."""
+    return pd.DataFrame(
         {
             "scenario": own.job.scenario, "source": own.job.source, "features": own.job.view, "method": method,
             "seed": own.job.seed, **{name: value[name] for name in MEASURES}, "setting": value["setting"],
@@ -20,9 +20,12 @@ def all_tables(work: Work) -> dict[str, pd.DataFrame]:
         for own in work["results"]
         for method, value in own.value.items()
     )  # fmt: skip
+
+
+def means(rows: pd.DataFrame) -> pd.DataFrame:
+    """Means over seeds, with the deviation of the accuracy."""
     grouped = rows.groupby(["scenario", "source", "features", "method"], sort=False)
-    means = grouped[MEASURES].mean().assign(accuracy_std=grouped["accuracy"].std()).reset_index()
-    return {"pdm_bench-scenarios": scenarios(work), "pdm_bench-mean": means, "pdm_bench": rows}
+    return grouped[MEASURES].mean().assign(accuracy_std=grouped["accuracy"].std()).reset_index()
 
 
 @as_table
@@ -44,7 +47,11 @@ STUDY = Study(
     title="frozen scenarios of pdm-bench",
     options=jobs.Options,
     steps=(Step("splits", jobs.load_splits), Step("rows", jobs.read_rows), Step("results", jobs.results)),
-    tables=all_tables,
+    tables={
+        "pdm_bench-scenarios": scenarios,
+        "pdm_bench": trials,
+        "pdm_bench-mean": lambda work: means(work.tables["pdm_bench"]),
+    },
     headlines=("pdm_bench-scenarios", "pdm_bench-mean"),
     at_hand=lambda root: find_spec("skada") is not None,
 )

@@ -8,28 +8,22 @@ Everything but the quantity is the comparison's: tasks, split, source, network, 
 no noise added; windows are shifted and turned about only where they are waveforms.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import itertools
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
+from papers.framework import Result, Work
 from papers.paper3_zoa_dann.comparison.jobs import Options, Prepared, cells, kept_modes, prepared
 from papers.paper3_zoa_dann.comparison.task_files import TaskFile
 from papers.paper3_zoa_dann.comparison.trial import CLOSED, Trial, run_trial
-from papers.paper3_zoa_dann.inputs.options import Options as Common
-from papers.paper3_zoa_dann.inputs.options import read_options as read_common
-
-if TYPE_CHECKING:
-    from papers.framework import Work
-    from twingap.sweep import Result
+from papers.paper3_zoa_dann.inputs import options as frame
 
 QUANTITIES: Final = ("modes", "envelope_spectrum")  # the paper's first: gains are over it
 METHODS: Final = ("Non-DA", "Non-DA, gap closed", "DANN", "Proposed")
 
 
-def trials(ready: Prepared, task: TaskFile, options: Options, common: Common, steps: int) -> Iterator[Trial]:
+def trials(ready: Prepared, task: TaskFile, options: Options, common: frame.Options, steps: int) -> Iterator[Trial]:
     """Each quantity under each method, at each seed of the cell."""
     judging, cell = common.judging, ready.cell
     for seed, method, quantity in itertools.product(cell.seeds, METHODS, QUANTITIES):
@@ -42,9 +36,8 @@ def trials(ready: Prepared, task: TaskFile, options: Options, common: Common, st
         )  # fmt: skip
 
 
-def networks(work: Work) -> list[tuple[str, Result[Trial]]]:
-    options, common, size = work.options, read_common(), work.size
-    found: list[tuple[str, Result[Trial]]] = []
+def networks(work: Work) -> Iterator[tuple[str, Result[Trial]]]:
+    options, common, size = work.options, frame.read_options(), work.size
     for task, target in work["tasks"]:
         balanced = [cell for cell in cells(task, size, work.seed) if cell.available == "balanced"]
         chosen = [cell for cell in balanced if (cell.unseen is None) == task.same_bearings]
@@ -55,5 +48,4 @@ def networks(work: Work) -> list[tuple[str, Result[Trial]]]:
                 trained = work.sweep(
                     run_trial, jobs, inputs, lambda job: f"{job.words}, {job.inputs.quantity}", f"task {task.name}"
                 )
-            found += [(target.title, own) for own in trained]
-    return found
+            yield from ((target.title, own) for own in trained)

@@ -1,23 +1,14 @@
 """Study of quantities, whose configuration is the comparison's: trials; means by data set, method and quantity."""
 
-from collections.abc import Sequence
-
 import pandas as pd
 
 from papers.extra.quantities import jobs
 from papers.framework import Rows, Step, Study, Work, as_table
 from papers.paper3_zoa_dann.comparison.jobs import Options, load_tasks
-from papers.paper3_zoa_dann.comparison.trial import Trial
 from papers.paper3_zoa_dann.significance import paired
-from twingap.sweep import Result
 
 
-def all_tables(work: Work) -> dict[str, pd.DataFrame]:
-    rows = table(work["networks"])
-    return {"quantities": rows, "quantities-mean": means(rows)}
-
-
-def table(found: Sequence[tuple[str, Result[Trial]]]) -> pd.DataFrame:
+def table(work: Work) -> pd.DataFrame:
     """A row per trial, with the data set's title."""
     return pd.DataFrame(
         {
@@ -26,7 +17,7 @@ def table(found: Sequence[tuple[str, Result[Trial]]]) -> pd.DataFrame:
             "oracle": own.value["oracle_accuracy"], "source_accuracy": own.value["source_accuracy"],
             "seconds": own.seconds,
         }
-        for data, own in found
+        for data, own in work["networks"]
     )  # fmt: skip
 
 
@@ -52,6 +43,6 @@ STUDY = Study(
     title="the network on waveforms and on envelope spectra",
     options=Options,
     steps=(Step("tasks", load_tasks), Step("networks", jobs.networks)),
-    tables=all_tables,
+    tables={"quantities": table, "quantities-mean": lambda work: means(work.tables["quantities"])},
     headlines=("quantities-mean",),
 )

@@ -8,19 +8,15 @@ The rig is another simulator than any that intervals are calibrated on; the limi
 What the other runs say is what they showed by their own ends; the run judged has no part in it.
 """
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from papers.framework import Work
 from twingap.rigs import SmartMaintenanceRig
-
-if TYPE_CHECKING:
-    from papers.framework import Work
 
 
 @dataclass(frozen=True)

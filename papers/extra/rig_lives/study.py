@@ -8,7 +8,7 @@ import pandas as pd
 
 from papers.arrays import Array
 from papers.extra.rig_lives import jobs
-from papers.framework import Step, Study, Work
+from papers.framework import Step, Study
 from papers.paper1_rul_varying_speed.methods import metrics
 from twingap.prognosis import Estimate, LifeOptions, OnlineLife
 from twingap.prognosis.outcomes import Outcome, outcome_of, prior_from
@@ -111,18 +111,15 @@ def means(every: pd.DataFrame) -> pd.DataFrame:
     ).reset_index()  # fmt: skip
 
 
-def all_tables(work: Work) -> dict[str, pd.DataFrame]:
-    """Every table by name: by bench, bearing and method; means by bench and method."""
-    every = table({(r.job.seed, r.job.bearing): r.value for r in work["runs"]})
-    return {"rig_lives": every, "rig_lives_means": means(every)}
-
-
 STUDY = Study(
     name="rig_lives",
     title="remaining life of the virtual rig's runs",
     data=TITLE,
     options=jobs.Options,
     steps=(Step("runs", jobs.amplitudes, jobs.jobs, words=lambda job: f"bench {job.seed}, {job.bearing}"),),
-    tables=all_tables,
+    tables={
+        "rig_lives": lambda work: table({(r.job.seed, r.job.bearing): r.value for r in work["runs"]}),
+        "rig_lives_means": lambda work: means(work.tables["rig_lives"]),
+    },
     headlines=("rig_lives", "rig_lives_means"),
 )

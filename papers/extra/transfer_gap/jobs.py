@@ -7,18 +7,17 @@ Used in: Paper 2, section 3.2.3, and this project's question what its twin lacks
 a twin that was written for it; here it is the paper's, whose gap to both data sets `twingap study public` diagnoses.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import functools
 import itertools
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Final, Literal
+from typing import Any, Final, Literal
 
 import numpy as np
 
+from papers.framework import Inputs, Work
 from papers.paper2_digital_twin.availability.jobs import NetworkJob, read_options
 from papers.paper2_digital_twin.availability.jobs import Options as Common
 from papers.paper2_digital_twin.availability.records import Measured
@@ -29,9 +28,6 @@ from twingap.effects import Effect, make_effect
 from twingap.provenance import digest_of_value
 from twingap.twins.contact import ContactTwin
 from twingap.twins.contact_parameters import PRESETS
-
-if TYPE_CHECKING:
-    from papers.framework import Inputs, Work
 
 Kind = Literal["as printed", "gap closed"]
 KINDS: Final[tuple[Kind, ...]] = ("as printed", "gap closed")

@@ -1,26 +1,19 @@
 """Study of closing the gap for transfer, and its tables: by data set, split and twin, over seeds and by seed."""
 
-from collections.abc import Mapping, Sequence
-
 import numpy as np
 import pandas as pd
 
 from papers.extra.transfer_gap import jobs
 from papers.framework import Rows, Step, Study, Work, as_table
-from papers.paper2_digital_twin.availability.jobs import NetworkJob, load_sets, network, read_options
-from papers.paper2_digital_twin.availability.records import SPLITS, TITLES, Measured, measure
+from papers.paper2_digital_twin.availability.jobs import load_sets, network, read_options
+from papers.paper2_digital_twin.availability.records import SPLITS, TITLES, measure
 from papers.paper3_zoa_dann.significance import sign_flip
-from twingap.sweep import Result
-
-
-def all_tables(work: Work) -> dict[str, pd.DataFrame]:
-    rows = seeds(work["networks"], work["data"])
-    return {"transfer-gap": means(rows), "transfer-gap-seeds": rows}
 
 
 @as_table
-def seeds(trained: Sequence[Result[NetworkJob]], data: Mapping[str, Measured]) -> Rows:
+def seeds(work: Work) -> Rows:
     """Recordings called right without a label, folds together: by data set, split, kind and seed."""
+    trained, data = work["networks"], work["data"]
     keys = list(dict.fromkeys((r.job.data, split, r.job.kind, r.job.seed) for r in trained for split in SPLITS))
     for name, split, kind, seed in keys:
         own, here = data[name], [r.value for r in trained if (r.job.data, r.job.kind, r.job.seed) == (name, kind, seed)]
@@ -63,6 +56,6 @@ STUDY = Study(
         Step("populations", jobs.simulate, jobs.populations),
         Step("networks", network, jobs.networks, jobs.inputs),
     ),
-    tables=all_tables,
+    tables={"transfer-gap-seeds": seeds, "transfer-gap": lambda work: means(work.tables["transfer-gap-seeds"])},
     headlines=("transfer-gap",),
 )

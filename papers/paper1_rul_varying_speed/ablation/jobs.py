@@ -12,31 +12,24 @@ anything of that bench was simulated, of six runs of another virtual bench: whet
 beats DANN there too, on lives as simulated.
 """
 
-from __future__ import annotations
-
 import dataclasses
-import functools
 import itertools
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import numpy as np
 
+from papers.framework import Work
 from papers.paper1_rul_varying_speed.cases import Case, Target, load_target, read_case
 from papers.paper1_rul_varying_speed.job import Job, job_of, train_and_judge
-from papers.paper1_rul_varying_speed.lives import options as lives_options
-from papers.paper1_rul_varying_speed.lives.options import Options as Lives
-from papers.paper1_rul_varying_speed.lives.options import read_options
+from papers.paper1_rul_varying_speed.lives import options as of_lives
 from papers.paper1_rul_varying_speed.methods.adaptive_twin import Adaptation, NoLifeError, lives_that_may_follow
 from papers.paper1_rul_varying_speed.methods.architecture import MODELS, LifeArchitecture, architecture_of
 from papers.paper1_rul_varying_speed.methods.metrics import rmse
 from twingap import TwingapError
-
-if TYPE_CHECKING:
-    from papers.framework import Work
 
 VARIANT: Final = "printed"
 SIMULATED, TRUE = "as simulated", "about the true end (oracle)"
@@ -53,7 +46,7 @@ RATES: Final = tuple(float(v) for v in np.geomspace(0.4, 2.5, 121))
 
 
 @dataclass(frozen=True)
-class Size(lives_options.Size):
+class Size(of_lives.Size):
     copies: int
     models: tuple[str, ...] = tuple(ADVERSARIAL)
     lives: tuple[str, ...] = (SIMULATED, TRUE)
@@ -66,9 +59,9 @@ class Options:
     profiles: dict[str, Size]
 
 
-def lives(work: Work) -> Lives:
+def lives(work: Work) -> of_lives.Options:
     """Configuration of the twin and its trainings, on the profile's bench."""
-    options = read_options(work.config.parent / work.options.lives)
+    options = of_lives.read_options(work.config.parent / work.options.lives)
     if work.size.bench is None:
         return options
     return dataclasses.replace(options, target=dataclasses.replace(options.target, surrogate_seed=work.size.bench))
@@ -95,8 +88,7 @@ def rows(work: Work) -> list[dict[str, Any]]:
             case = simulated if what == SIMULATED else with_true_lives(simulated, options.adaptation)
             trained = work.sweep(
                 train_and_judge, trainings_of(case, options, size, work.seed), {"case": (case, case.digest)},
-                functools.partial(_words, what),
-                f"training, {name}",
+                lambda job: f"{job.bearing}, {job.model}, seed {job.seed}", f"training, {name}, lives {what}",
                 data={"adaptation": repr(options.adaptation), "rate": f"{case.known.twin.damage.rate:.12g}"},
             )  # fmt: skip
             found += [_row(work.title, what, case, r.job, dict(r.value)) for r in trained]
@@ -125,15 +117,11 @@ def with_true_lives(case: Case, options: Adaptation) -> Case:
     return min(found, key=lambda pair: pair[0])[1]
 
 
-def trainings_of(case: Case, options: Lives, size: Size, seed: int) -> Iterator[Job]:
+def trainings_of(case: Case, options: of_lives.Options, size: Size, seed: int) -> Iterator[Job]:
     """Models innermost: those of a seed share their simulated records."""
     for k, model in itertools.product(range(size.seeds), size.models):
         shape = architecture_of(model, printed=options.judging.printed, models=ADVERSARIAL)
         yield job_of(case, options, VARIANT, model, shape, seed + k, size)
-
-
-def _words(lives: str, job: Job) -> str:
-    return f"{job.bearing}, lives {lives}, {job.model}, seed {job.seed}"
 
 
 def _row(title: str, lives: str, case: Case, job: Job, value: dict[str, Any]) -> dict[str, Any]:

@@ -6,7 +6,7 @@ from typing import Any
 import pandas as pd
 
 from papers.framework import Step, Study, Work
-from papers.intervals import compared
+from papers.intervals import by_seed, compared
 from papers.paper1_rul_varying_speed.ablation import jobs
 
 
@@ -28,12 +28,8 @@ def tables_of(rows: Sequence[dict[str, Any]]) -> dict[str, pd.DataFrame]:
     ).reset_index()  # fmt: skip
     summary = []
     for (data, lives), own in every.groupby(["data", "lives"], sort=False):
-        errors = {
-            model: part.pivot(index="bearing", columns="seed", values="rmse_min")
-            for model, part in own.groupby("model", sort=False)
-        }
-        for model, part in errors.items():
-            found = compared(errors[jobs.DANN], part)
+        for model, part in own.groupby("model", sort=False):
+            found = compared(by_seed(own[own["model"] == jobs.DANN]), by_seed(part))
             summary.append({
                 "data": data, "lives": lives, "model": model, "seeds": found["seeds"], "rmse_min": found["after_min"],
                 "lives_rmse_min": own.groupby("bearing")["lives_rmse_min"].first().mean(), "over_dann": found["ratio"],

@@ -1,28 +1,16 @@
-"""Remaining life by five models on every run, five seeds each: tables 3 and 5 and figures 3 to 14.
-
-Smart Maintenance set, or virtual rig --> cases --> twin, up to now --> simulated lives --> five models x seeds
-                                                                                                    |
-                         tables, figures, nested runs <-- judged on the run to its end <-- chosen without labels
-"""
-
-from __future__ import annotations
+"""Remaining life by five models on every run, five seeds each: tables 3 and 5 and figures 3 to 14."""
 
 import dataclasses
 import itertools
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
 
+from papers.framework import Result, Run, Work
 from papers.logs import log_checkpoints, log_method
 from papers.paper1_rul_varying_speed.cases import Case, Target, load_target, read_case
 from papers.paper1_rul_varying_speed.job import CaseResult, Job, job_of, train_and_judge
 from papers.paper1_rul_varying_speed.lives import tables
 from papers.paper1_rul_varying_speed.lives.options import Options, Profile
 from papers.paper1_rul_varying_speed.methods.architecture import architecture_of
-
-if TYPE_CHECKING:
-    from papers.framework import Work
-    from twingap.sweep import Result
-    from twingap.track import Run
 
 
 def target(work: Work) -> Target:
@@ -34,10 +22,9 @@ def target(work: Work) -> Target:
     return found
 
 
-def results(work: Work) -> list[CaseResult]:
+def results(work: Work) -> Iterator[CaseResult]:
     """Every run with every twin, logged as soon as it is finished."""
     options, size = work.options, work.size
-    found: list[CaseResult] = []
     for name in size.bearings:
         case = read_case(work["target"], name, options.target, options.adaptation)
         work.log.data(f"run {name}", case.digest, role="target", source=work.title)
@@ -50,8 +37,7 @@ def results(work: Work) -> list[CaseResult]:
             CaseResult(case, variant, [t for t in trainings if t.job.variant == variant]) for variant in size.variants
         ]
         _log_case(work.log, own, work.title)
-        found += own
-    return found
+        yield from own
 
 
 def _jobs(case: Case, options: Options, sizes: Profile, seed: int) -> Iterator[Job]:

@@ -158,17 +158,13 @@ def runs(results: Sequence[CaseResult], data: str) -> Rows:
     """Table 3 and what was read off each run: anomaly, rate, simulated lives."""
     for result in results:
         case, twin, run = result.case, result.case.known.twin, result.case.run
-        minutes = (run.time_s - run.time_s[0]) / 60
-        end = run.time_s.size - 1
-        row = {
-            "data": data, "bearing": case.name, "duration_min": float(minutes[-1]),
-            "anomaly_min": float(minutes[twin.onset_row]),
-            "known_min": float(minutes[twin.anomaly.alarm_row or 0]),
-            "true_onset_min": np.nan if case.onset_s is None else (case.onset_s - run.time_s[0]) / 60,
-        }  # fmt: skip
-        late = row["anomaly_min"] - row["true_onset_min"]  # type: ignore[operator]
-        row |= {
-            "late_percent_of_run": 100 * late / row["duration_min"],  # type: ignore[operator]
+        minutes, end = (run.time_s - run.time_s[0]) / 60, run.time_s.size - 1
+        anomaly, onset_s = minutes[twin.onset_row], np.nan if case.onset_s is None else case.onset_s
+        true_onset = (onset_s - run.time_s[0]) / 60
+        yield {
+            "data": data, "bearing": case.name, "duration_min": float(minutes[-1]), "anomaly_min": float(anomaly),
+            "known_min": float(minutes[twin.anomaly.alarm_row or 0]), "true_onset_min": true_onset,
+            "late_percent_of_run": 100 * (anomaly - true_onset) / minutes[-1],
             "now_min": float(minutes[twin.now_row]), "waited_attempts": len(case.waited),
             "resonance_hz": twin.mode.resonance_hz, "damping_ratio": twin.mode.damping_ratio,
             "rate_per_min": twin.damage.rate * 60 / run.dt_s,
@@ -177,7 +173,6 @@ def runs(results: Sequence[CaseResult], data: str) -> Rows:
             "longest_life_ends_min": twin.lives[-1].end_row * run.dt_s / 60,
             "end_among_lives": "yes" if twin.lives[0].end_row <= end <= twin.lives[-1].end_row else "no",
         }  # fmt: skip
-        yield row
 
 
 def network(results: Sequence[CaseResult], options: Options, data: str) -> pd.DataFrame:
@@ -186,19 +181,16 @@ def network(results: Sequence[CaseResult], options: Options, data: str) -> pd.Da
     known = results[0].case.known
     slowest = float(known.twin.influence.speeds_rpm[0])
     least = critical_length(known.bearing, slowest, known.fs_hz, impacts=20)
-    rows = [
-        {"part": "input", "layer": "signal", "size": own.length, "of": f"20 impacts at {slowest:.0f} rpm: {least}"},
-        {"part": "input", "layer": "sequence encoding", "size": own.d_model, "of": "eq. 13"},
-        {"part": "input", "layer": "speed encoding", "size": own.d_model, "of": "eq. 13"},
+    rows: list[tuple[str, str, int, str]] = [
+        ("input", "signal", own.length, f"20 impacts at {slowest:.0f} rpm: {least}"),
+        ("input", "sequence encoding", own.d_model, "eq. 13"),
+        ("input", "speed encoding", own.d_model, "eq. 13"),
+        *(("extractor", *shape) for shape in layers(own)),
+        ("extractor", "flatten", own.features, "features"),
     ]
-    for i, shape in enumerate(layers(own)):
-        rows.append({"part": "extractor", "layer": shape[0], "size": shape[1], "of": shape[2]})
-        if i == len(layers(own)) - 1:
-            rows.append({"part": "extractor", "layer": "flatten", "size": own.features, "of": "features"})
     for part, last in (("regressor", "ReLU"), ("discriminator", "sigmoid, behind reversal")):
-        rows += [{"part": part, "layer": str(k), "size": n, "of": f}
-                 for k, (n, f) in enumerate(((64, "ReLU"), (32, "ReLU"), (1, last)), start=1)]  # fmt: skip
-    return pd.DataFrame([{"data": data, **row} for row in rows])
+        rows += [(part, str(k), n, f) for k, (n, f) in enumerate(((64, "ReLU"), (32, "ReLU"), (1, last)), start=1)]
+    return pd.DataFrame([(data, *row) for row in rows], columns=["data", "part", "layer", "size", "of"])
 
 
 def layers(own: LifeArchitecture) -> list[tuple[str, int, str]]:
@@ -212,18 +204,18 @@ def layers(own: LifeArchitecture) -> list[tuple[str, int, str]]:
     return made
 
 
-@as_table
-def selection(results: Sequence[CaseResult], data: str) -> Rows:
+def selection(results: Sequence[CaseResult], data: str) -> pd.DataFrame:
     """RMSE (min) by the criterion that chose the checkpoint, mean over seeds; the last and the oracle beside them."""
-    for result in results:
-        for model in result.models:
-            values = [t.value for t in result.of(model)]
-            yield {
-                "data": data, "twin": result.variant, "bearing": result.case.name, "model": model,
-                **{name: np.mean([v["rmse_min"][v["chosen"][name]] for v in values]) for name in values[0]["chosen"]},
-                "last checkpoint": np.mean([v["rmse_min"][-1] for v in values]),
-                "oracle (true lives)": np.mean([min(v["rmse_min"]) for v in values]),
-            }  # fmt: skip
+    rows = pd.DataFrame(
+        {
+            "data": data, "twin": result.variant, "bearing": result.case.name, "model": t.job.model,
+            **{name: t.value["rmse_min"][place] for name, place in t.value["chosen"].items()},
+            "last checkpoint": t.value["rmse_min"][-1], "oracle (true lives)": min(t.value["rmse_min"]),
+        }
+        for result in results
+        for t in result.trainings
+    )  # fmt: skip
+    return rows.groupby(["data", "twin", "bearing", "model"], sort=False, as_index=False).mean()
 
 
 def predictions(results: Sequence[CaseResult], data: str) -> pd.DataFrame:

@@ -14,7 +14,7 @@ from typing import Literal
 
 import numpy as np
 
-from papers.arrays import Array
+from papers.arrays import Array, spread
 from papers.paper1_rul_varying_speed.methods.degradation import DamageFit, Trajectory, fit_damage, trajectories
 from papers.paper1_rul_varying_speed.methods.run import Run, period_rows, planned_speed
 from twingap import RecordSet, TwingapError
@@ -77,8 +77,8 @@ def find_anomaly(run: Run, options: Adaptation) -> tuple[SpeedInfluence, Array, 
 def read_mode(records: RecordSet, run: Run, options: Adaptation) -> HealthyFit:
     """Eq. 8 from healthy records of a run."""
     healthy = run.rows_in(options.reference_min)
-    places = np.unique(np.linspace(0, healthy - 1, min(options.mode_records, healthy)).round().astype(int))
-    return equation_8(spectra(records.take(places.tolist())), lowest_hz=options.lowest_mode_hz)
+    places = spread(healthy, options.mode_records).tolist()
+    return equation_8(spectra(records.take(places)), lowest_hz=options.lowest_mode_hz)
 
 
 def adapt(run: Run, mode: HealthyFit, options: Adaptation | None = None) -> AdaptiveTwin:

@@ -15,7 +15,7 @@ from typing import ClassVar, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from papers.arrays import Array
+from papers.arrays import Array, spread
 from papers.paper1_rul_varying_speed.methods.adaptive_twin import AdaptiveTwin
 from papers.paper1_rul_varying_speed.methods.degradation import Trajectory
 from papers.paper1_rul_varying_speed.methods.excited_modes import excited_modes
@@ -135,11 +135,11 @@ class LifeSimulator:
         left = np.concatenate([life.remaining_revolutions[1:] for life in lives])
         number = np.concatenate([np.full(life.speed_rpm.size - 1, i) for i, life in enumerate(lives)])
         running = np.flatnonzero(speed > 0)
-        if most is not None and running.size > most:
-            running = running[np.unique(np.linspace(0, running.size - 1, most).round().astype(int))]
+        if most is not None:
+            running = running[spread(running.size, most)]
         speed, height = speed[running], height[running]
-        spread = self.twin.anomaly.std
-        height = height * np.exp(spread * rng.standard_normal(height.size) - spread**2 / 2)
+        scatter = self.twin.anomaly.std
+        height = height * np.exp(scatter * rng.standard_normal(height.size) - scatter**2 / 2)
         samples = self.records(speed, height, rng)
         return Snapshots(samples, speed, position[running], number[running].astype(np.int64), left[running])
 

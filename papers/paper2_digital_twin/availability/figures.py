@@ -1,27 +1,20 @@
 """Figures of the availability study, in colours that colour-blind readers tell apart (Okabe and Ito 2008)."""
 
-from collections.abc import Iterator
 from typing import Any, Final
 
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from papers.figures import subplots
+from papers.figures import name_axes, subplots
 from papers.framework import Work
 from papers.paper2_digital_twin.availability.records import SPLITS, TITLES
-from papers.paper2_digital_twin.availability.tables import METHODS, judging
+from papers.paper2_digital_twin.availability.tables import LEVELS, METHODS, unseen
 
 LOOKS: Final = {
     "twin network": ("#0072B2", "o", "-"), "SVM": ("#D55E00", "s", "--"), "SOM-MQE": ("#009E73", "^", ":"),
 }  # fmt: skip
 FAULTS: Final = {"healthy": "#666666", "inner": "#D55E00", "outer": "#0072B2", "ball": "#009E73"}
-
-
-def all_figures(work: Work) -> Iterator[tuple[str, Figure]]:
-    accuracy, crossed = (work.tables[f"availability-{name}"] for name in ("accuracy", "crossings"))
-    yield "availability-crossings", crossings(accuracy, crossed)
-    yield "availability-severity", severity(work)
 
 
 def crossings(accuracy: pd.DataFrame, crossed: pd.DataFrame) -> Figure:
@@ -43,23 +36,17 @@ def crossings(accuracy: pd.DataFrame, crossed: pd.DataFrame) -> Figure:
                 middle, low, high = (100 * mine[name].to_numpy(dtype=float) for name in ("accuracy", "low", "high"))
                 panel.errorbar(
                     places, middle, yerr=np.nan_to_num(np.maximum([middle - low, high - middle], 0)), color=colour,
-                    marker=marker, linestyle=line, capsize=3, label=_shown(method),
+                    marker=marker, linestyle=line, capsize=3,
+                    label="network from the twin" if method == METHODS[0] else method,
                 )  # fmt: skip
             _mark(panel, here, crossed[(crossed["data"] == title) & (crossed["split by"] == split)], steps)
             panel.set_xticks(range(len(steps)), steps)
             panel.set_title(f"{title}, split by {split}")
             panel.grid(alpha=0.3)
             panel.set_ylim(20, 103)
-            if row == len(titles) - 1:
-                panel.set_xlabel("labelled records of each fault")
-            if column == 0:
-                panel.set_ylabel("recordings called right, %")
+    name_axes(panels, "labelled records of each fault", "recordings called right, %")
     panels[0, 0].legend(loc="lower right")
     return figure
-
-
-def _shown(method: str) -> str:
-    return "network from the twin" if method == METHODS[0] else method
 
 
 def _mark(panel: Any, accuracy: pd.DataFrame, crossed: pd.DataFrame, steps: list[str]) -> None:
@@ -79,26 +66,18 @@ def _mark(panel: Any, accuracy: pd.DataFrame, crossed: pd.DataFrame, steps: list
 def severity(work: Work) -> Figure:
     """MQE over threshold of each recording, by fault and size."""
     figure, panels = subplots((12, 4.2 * len(work["data"]) + 0.5), len(work["data"]), squeeze=False)
-    for panel, (name, data) in zip(panels[:, 0], work["data"].items(), strict=True):
-        groups = sorted({(data.labels[r], data.sizes[r]) for r in data.recordings})
-        for place, (label, size) in enumerate(groups):
-            own = sorted(
-                (r for r in data.recordings if (data.labels[r], data.sizes[r]) == (label, size)),
-                key=lambda r: data.speeds_rpm[r],
-            )
-            for offset, r in zip(np.linspace(-0.25, 0.25, len(own)) if len(own) > 1 else [0.0], own, strict=True):
-                here = judging(work, data, r)
-                values = [
-                    float(np.mean([v["recordings"][r][k] / v["threshold"] for v in here]))
-                    for k in ("mqe low", "mqe", "mqe high")
-                ]
-                colour = FAULTS[data.classes[label]]
-                panel.plot([place + offset] * 2, [values[0], values[2]], color=colour, linewidth=2)
-                panel.plot(place + offset, values[1], "o", color=colour, markersize=6)
+    found = unseen(work).sort_values("speed, rpm", kind="stable")
+    for panel, name in zip(panels[:, 0], work["data"], strict=True):
+        groups = list(found[found["set"] == name].groupby(["label", "class", "size"], dropna=False))
+        for place, ((_, fault, _), own) in enumerate(groups):
+            at = place + (np.linspace(-0.25, 0.25, len(own)) if len(own) > 1 else np.zeros(1))
+            low, middle, high = (own[f"{level} over"].to_numpy() for level in LEVELS)
+            panel.plot([at, at], [low, high], color=FAULTS[fault], linewidth=2)
+            panel.plot(at, middle, "o", color=FAULTS[fault], markersize=6)
         panel.axhline(1, color="black", linestyle="--", linewidth=1)
         panel.text(len(groups) - 0.5, 1, f"alarm, {work.options.false_alarm:.0%} a window", ha="right", va="bottom")
         unit = "deg" if name == "hit_sm" else "in"
-        names = [data.classes[c] + ("" if data.classes[c] == "healthy" else f"\n{s:g} {unit}") for c, s in groups]
+        names = [fault if fault == "healthy" else f"{fault}\n{size:g} {unit}" for (_, fault, size), _ in groups]
         panel.set_xticks(range(len(groups)), names)
         panel.set(yscale="log", ylabel="MQE over threshold")
         panel.set_title(

@@ -8,19 +8,18 @@ Check:   simulated healthy machines -> map, threshold -> share of false alarms i
 Used in: Paper 2, diagnosis by how much fault data there is.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import itertools
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from papers.arrays import Array
+from papers.framework import Inputs, Work
 from papers.options import expect, read
 from papers.paper2_digital_twin.availability import records, source
 from papers.paper2_digital_twin.availability.records import ALL, SPLITS, TITLES, Measured
@@ -34,9 +33,6 @@ from papers.paper2_digital_twin.methods.severity import MapOptions, fit_class_ma
 from twingap import RecordSet, TwingapError
 from twingap.adapt import CRITERIA, Evidence, Outputs, select
 from twingap.provenance import digest_of_value
-
-if TYPE_CHECKING:
-    from papers.framework import Inputs, Work
 
 CONFIG: Final = Path(__file__).with_name("config.toml")
 Places = NDArray[np.int64]
@@ -274,10 +270,6 @@ def load_sets(work: Work) -> dict[str, RecordSet]:
     found = records.at_hand(options.data[:1] if size.smoke else options.data, work.root, size.rig_duration_s)
     work.title = ", ".join(TITLES[name] for name in found)
     return found
-
-
-def measured(work: Work) -> dict[str, Measured]:
-    return {name: records.measure(found, name, work.options.image) for name, found in work["records"].items()}
 
 
 def healthy(work: Work) -> dict[str, dict[str, Background]]:

@@ -35,7 +35,7 @@ TWINS: Final = 3
 
 @dataclass(frozen=True)
 class SourceOptions:
-    """Where virtual machines are drawn from; ranges are explained in availability.toml."""
+    """Where virtual machines are drawn from; ranges are explained in config.toml."""
 
     pooled: tuple[int, ...]
     speed_spread: float

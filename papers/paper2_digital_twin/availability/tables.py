@@ -14,21 +14,9 @@ from twingap.adapt.evaluate import t_interval
 
 METHODS: Final = ("twin network", "SVM", "SOM-MQE")
 LEVEL: Final = 0.95
+LEVELS: Final = ("mqe low", "mqe", "mqe high")  # of a recording's windows: their median and middle 80 %
 MANY: Final = 10**6  # stands for all the labels that there are
 AHEAD: Final = (("SVM", "twin network"), ("SOM-MQE", "twin network"), ("SOM-MQE", "SVM"))
-
-
-def all_tables(work: Work) -> dict[str, pd.DataFrame]:
-    called = calls(work)
-    found = accuracy(called)
-    crossed = crossings(work, called)
-    return {
-        "availability-accuracy": found, "availability-crossings": crossed,
-        "availability-choice": choices(work, crossed), "availability-selection": selection(work),
-        "availability-head": head(work), "availability-sources": sources(work),
-        "availability-recordings": recordings(work, called), "availability-alarms": alarms(work),
-        "availability-severity": severity(work), "availability-size": size(work), "availability-check": checks(work),
-    }  # fmt: skip
 
 
 def calls(work: Work) -> pd.DataFrame:
@@ -52,9 +40,10 @@ def calls(work: Work) -> pd.DataFrame:
     ])  # fmt: skip
 
 
-def by_seed(called: pd.DataFrame) -> pd.DataFrame:
+def by_seed(work: Work) -> pd.DataFrame:
     """Share of recordings called right, and its mean over classes, for each seed."""
     keys = ["data", "split", "method", "records", "seed"]
+    called: pd.DataFrame = work["calls"]
     right = called.assign(right=called["class"] == called["called"])
     found = right.groupby(keys, sort=False).agg(
         labels=("labels", "min"), recordings=("right", "size"), accuracy=("right", "mean")
@@ -64,10 +53,10 @@ def by_seed(called: pd.DataFrame) -> pd.DataFrame:
 
 
 @as_table
-def accuracy(called: pd.DataFrame) -> Rows:
+def accuracy(work: Work) -> Rows:
     """Mean over seeds, by recording judged; `labels` is how many records of the scarcest fault there were indeed."""
     keys = ["data", "split", "method", "records"]
-    for (data, split, method, records), part in by_seed(called).groupby(keys, sort=False):
+    for (data, split, method, records), part in by_seed(work).groupby(keys, sort=False):
         low, high = t_interval(list(part["accuracy"]), LEVEL)
         yield {
             "data": TITLES[str(data)], "split by": split, "method": method,
@@ -79,10 +68,10 @@ def accuracy(called: pd.DataFrame) -> Rows:
 
 
 @as_table
-def crossings(work: Work, called: pd.DataFrame) -> Rows:
+def crossings(work: Work) -> Rows:
     """From how many records on one method is at least as good as another in the mean over seeds (empty if it is lower
     with all), and ``better from``: with the 95 % interval of the paired difference above 0."""
-    found = by_seed(called)
+    found = by_seed(work)
     for (data, split, about), (first, second) in itertools.product(_parts(work), AHEAD):
         here = found[(found["data"] == data.name) & (found["split"] == split)]
         wide = {
@@ -101,12 +90,12 @@ def crossings(work: Work, called: pd.DataFrame) -> Rows:
 
 
 @as_table
-def choices(work: Work, crossed: pd.DataFrame) -> Rows:
+def choices(work: Work) -> Rows:
     """What `choose` says at each number of labels, with the thresholds measured here (better by more than luck)."""
     for name, data in work["data"].items():
         windows = max(a.value["healthy windows"] for a in work["alarms"] if a.job.data == name and not a.job.without)
         for split in SPLITS:
-            limits = Thresholds(1, *(_sure_from(crossed, data, split, method) for method in METHODS[1:]))
+            limits = Thresholds(1, *(_sure_from(work, data, split, method) for method in METHODS[1:]))
             for count in (0, *work.options.counts, MANY):
                 made = choose(count, windows, false_alarm=work.options.false_alarm, thresholds=limits)
                 yield {
@@ -116,8 +105,9 @@ def choices(work: Work, crossed: pd.DataFrame) -> Rows:
                 }  # fmt: skip
 
 
-def _sure_from(crossed: pd.DataFrame, data: Measured, split: str, method: str) -> int | None:
+def _sure_from(work: Work, data: Measured, split: str, method: str) -> int | None:
     """Number of labelled records from which a method is better than the network by more than luck."""
+    crossed = work.tables["availability-crossings"]
     at = (crossed["data"] == TITLES[data.name]) & (crossed["split by"] == split)
     (found,) = crossed[at & (crossed["method"] == method) & (crossed["against"] == METHODS[0])]["better from"]
     return None if found == "" else MANY if found == "all" else int(found)
@@ -167,8 +157,9 @@ def sources(work: Work) -> Rows:
 
 
 @as_table
-def recordings(work: Work, called: pd.DataFrame) -> Rows:
+def recordings(work: Work) -> Rows:
     """Every recording: what the network without a label calls it, in how many of the seeds it is right."""
+    called = work["calls"]
     zero = called[(called["records"] == 0) & (called["split"] == SPLITS[0])]
     for (name, recording), part in zero.groupby(["data", "recording"], sort=False):
         data = work["data"][str(name)]
@@ -181,66 +172,63 @@ def recordings(work: Work, called: pd.DataFrame) -> Rows:
         }  # fmt: skip
 
 
+def watched(work: Work) -> pd.DataFrame:
+    """A row per map, seed and recording: what the healthy map says of its windows."""
+    found = pd.DataFrame(
+        {
+            "set": data.name, "data": TITLES[data.name], "without": a.job.without, "seed": a.job.seed, "recording": r,
+            "label": data.labels[r], "class": data.classes[data.labels[r]], "bearing": data.bearings[r],
+            "size": data.sizes[r], "speed, rpm": data.speeds_rpm[r], **value, "threshold": a.value["threshold"],
+            "healthy windows": a.value["healthy windows"], "held out": np.mean(list(a.value["held out"].values())),
+        }
+        for a in work["alarms"]
+        for data in [work["data"][a.job.data]]
+        for r, value in a.value["recordings"].items()
+    )  # fmt: skip
+    return found.assign(**{f"{level} over": found[level] / found["threshold"] for level in LEVELS})
+
+
+def unseen(work: Work) -> pd.DataFrame:
+    """Means over seeds by recording, of maps that have not seen it: of a healthy one, the map of the others."""
+    found = watched(work)
+    found = found[found["without"] == found["recording"].where(found["class"] == "healthy", "")]
+    about = ["set", "data", "label", "class", "bearing", "size", "speed, rpm", "recording"]
+    measured = [*LEVELS, "share", *(f"{level} over" for level in LEVELS)]
+    return found.groupby(about, sort=False, dropna=False)[measured].mean().reset_index()
+
+
 @as_table
 def alarms(work: Work) -> Rows:
     """Detection by recording; healthy recordings are judged by maps that did not see them."""
-    for name, data in work["data"].items():
-        healthy = set(data.healthy())
-        mine = [a for a in work["alarms"] if a.job.data == name]
-        for without in ("", *data.healthy()):
-            here = [a.value for a in mine if a.job.without == without]
-            faults = [r for r in data.recordings if r not in healthy]
-            rings = [v["recordings"][without]["alarm"] for v in here] if without else [np.nan]
-            shares = [v["recordings"][without]["share"] for v in here] if without else [
-                np.mean(list(v["held out"].values())) for v in here
-            ]  # fmt: skip
-            yield {
-                "data": TITLES[name], "healthy kept out": without or "none",
-                "healthy windows": here[0]["healthy windows"],
-                "seeds": len(here), "threshold, MQE": np.mean([v["threshold"] for v in here]),
-                "faulty recordings": len(faults),
-                "detected": np.mean([v["recordings"][r]["alarm"] for v in here for r in faults]),
-                "fewest of a recording's windows": np.min([v["recordings"][r]["share"] for v in here for r in faults]),
-                "least MQE of a fault over threshold": np.min(
-                    [v["recordings"][r]["mqe"] / v["threshold"] for v in here for r in faults]
-                ),
-                "alarms in healthy windows not seen": np.mean(shares),
-                "healthy recording alarms": np.mean(rings),
-            }  # fmt: skip
-
-
-def judging(work: Work, data: Measured, recording: str) -> list[dict[str, Any]]:
-    """Alarms, by seed, of a map that has not seen a recording."""
-    without = recording if recording in data.healthy() else ""
-    return [a.value for a in work["alarms"] if a.job.data == data.name and a.job.without == without]
-
-
-@as_table
-def _severities(work: Work) -> Rows:
-    """A row per recording: median MQE of its windows and how far over threshold, mean over seeds."""
-    for name, data in work["data"].items():
-        for r in data.recordings:
-            here = judging(work, data, r)
-            mean = {k: np.mean([v["recordings"][r][k] for v in here]) for k in ("mqe", "mqe low", "mqe high", "share")}
-            yield {
-                "data": TITLES[name], "class": data.classes[data.labels[r]], "bearing": data.bearings[r],
-                "size": data.sizes[r], "speed, rpm": data.speeds_rpm[r], "recording": r, "MQE": mean["mqe"],
-                "MQE, 10 %": mean["mqe low"], "MQE, 90 %": mean["mqe high"],
-                "over threshold": np.mean([v["recordings"][r]["mqe"] / v["threshold"] for v in here]),
-                "windows in alarm": mean["share"],
-            }  # fmt: skip
+    for (data, without), own in watched(work).groupby(["data", "without"], sort=False):
+        faults, kept = own[own["class"] != "healthy"], own[own["recording"] == without]
+        yield {
+            "data": data, "healthy kept out": without or "none", "healthy windows": own["healthy windows"].iloc[0],
+            "seeds": own["seed"].nunique(), "threshold, MQE": own["threshold"].mean(),
+            "faulty recordings": faults["recording"].nunique(), "detected": faults["alarm"].mean(),
+            "fewest of a recording's windows": faults["share"].min(),
+            "least MQE of a fault over threshold": faults["mqe over"].min(),
+            "alarms in healthy windows not seen": kept["share"].mean() if without else own["held out"].mean(),
+            "healthy recording alarms": kept["alarm"].astype(float).mean(),
+        }  # fmt: skip
 
 
 def severity(work: Work) -> pd.DataFrame:
     """MQE of every recording, median of its windows, mean over seeds; of a healthy one by the map of the others, whose
     threshold is another: `over threshold` is what compares."""
-    return _severities(work).sort_values(["data", "class", "size", "recording"], ignore_index=True)
+    names = {
+        "mqe": "MQE", "mqe low": "MQE, 10 %", "mqe high": "MQE, 90 %", "mqe over": "over threshold",
+        "share": "windows in alarm",
+    }  # fmt: skip
+    about = ["data", "class", "bearing", "size", "speed, rpm", "recording"]
+    found = unseen(work)[[*about, *names]].rename(columns=names)
+    return found.sort_values(["data", "class", "size", "recording"], ignore_index=True)
 
 
 @as_table
 def size(work: Work) -> Rows:
     """Does MQE rise with the size of a defect? By fault and place in the order of speeds, and where it does not."""
-    table = severity(work)
+    table = work.tables["availability-severity"]
     for (data, fault), part in table[table["class"] != "healthy"].groupby(["data", "class"], sort=False):
         means = part.groupby("size")["MQE"].mean()
         sizes, values = list(means.index), list(means)

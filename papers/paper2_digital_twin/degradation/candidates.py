@@ -49,20 +49,14 @@ def judge_all(runs: Sequence[StudyRun], indicators: Sequence[str] = INDICATORS) 
         choice = health.chosen(others) if others else None
         if choice is not None and choice not in made.values:  # test 3 of IMS has fewer features
             choice = health.chosen([{name: c[name] for name in c if name in made.values} for c in others])
-        series, times = {"rms": made.values["rms"]}, {"rms": r.run.time_s}
-        if choice is not None:
-            series[CHOSEN] = made.values[choice]
-        if NINE in made.values:
-            series[NINE] = made.values[NINE]
-        offline = health.offline_indicators(r.run).values
-        if NINE in offline:
-            series[OFFLINE] = offline[NINE]
-        times |= dict.fromkeys(series, r.run.time_s)
+        there = {
+            "rms": made.values["rms"], CHOSEN: made.values.get(choice or ""), NINE: made.values.get(NINE),
+            OFFLINE: health.offline_indicators(r.run).values.get(NINE),
+        }  # fmt: skip
         if r.whole.time_s.size > r.run.time_s.size:
-            kept = health.offline_indicators(r.whole).values
-            if NINE in kept:
-                series[KEPT], times[KEPT] = kept[NINE], r.whole.time_s
-        series = {name: x for name, x in series.items() if name in indicators}
+            there[KEPT] = health.offline_indicators(r.whole).values.get(NINE)
+        series = {name: x for name, x in there.items() if x is not None and name in indicators}
+        times = {name: (r.whole if name == KEPT else r.run).time_s for name in series}
         found.append(Judged(r, made, criteria[k], choice, series, times))
     return found
 

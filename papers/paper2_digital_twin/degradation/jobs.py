@@ -7,17 +7,16 @@ KnownLaw --simulated runs of a known curve--> how often the claim's two models a
 Used in: Paper 2, section 4.
 """
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Final, Literal
+from typing import Any, Final, Literal
 
 import numpy as np
 from scipy.signal import lfilter
 
 from papers.arrays import Array
+from papers.framework import Inputs, Work
 from papers.paper2_digital_twin.degradation import candidates
 from papers.paper2_digital_twin.degradation.candidates import INDICATORS
 from papers.paper2_digital_twin.degradation.runs import Reading, StudyRun, study_runs
@@ -25,9 +24,6 @@ from twingap import TwingapError
 from twingap.prognosis.degradation_forecast import TENTHS, out_of_sample, redrawn, remaining_life, rows_until
 from twingap.prognosis.degradation_models import MODELS, CurveModel, fit_curve
 from twingap.prognosis.information import criteria
-
-if TYPE_CHECKING:
-    from papers.framework import Inputs, Work
 
 Series = Mapping[str, tuple[Array, Array]]
 
@@ -210,10 +206,7 @@ def runs(work: Work) -> list[StudyRun]:
 def analyses(work: Work) -> Iterator[Analysis]:
     for j in work["judged"]:
         for name, values in j.series.items():
-            limits, healthy = (
-                candidates.limits_of(j, name, work["judged"]),
-                float(np.mean(values[: j.run.healthy_rows])),
-            )
+            limits, healthy = candidates.limits_of(j, name, work["judged"]), float(values[: j.run.healthy_rows].mean())
             level = work.options.interval_level
             yield Analysis(j.run.name, name, limits, healthy, work.size.curves, level, work.seed)
 

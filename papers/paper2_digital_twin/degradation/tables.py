@@ -1,7 +1,6 @@
 """Tables of the degradation study."""
 
 import itertools
-from collections.abc import Iterator, Sequence
 from typing import Any, Final, Literal
 
 import numpy as np
@@ -11,14 +10,13 @@ from scipy.stats import spearmanr
 from papers.arrays import Array
 from papers.framework import Rows, Work, as_table
 from papers.paper2_digital_twin.degradation.candidates import Judged
-from papers.paper2_digital_twin.degradation.jobs import Coverage, KnownLaw
 from twingap.prognosis.degradation_models import MODELS
 from twingap.prognosis.health_indicator import evaluate_candidates, offline_indicators, online_indicators
 from twingap.prognosis.indicator_criteria import causal_trend
-from twingap.sweep import Result
 
 COMBINED = ("combined power 3", "combined power 5")
 EXPONENTIALS = ("exponential", "exponential with offset")
+MEASURED = ("monotonicity", "trendability", "robustness", "suitability", "sensitivity")
 SCALINGS: Final[tuple[Literal["z", "range"], ...]] = ("z", "range")
 ORDERS: Final[tuple[Literal["descending", "ascending"], ...]] = ("descending", "ascending")
 
@@ -29,46 +27,24 @@ def shown(work: Work) -> Judged:
     return next((j for j in found if j.run.name == work.options.paper_run), found[0])
 
 
-def all_tables(work: Work) -> dict[str, pd.DataFrame]:
-    judged = work["judged"]
-    errors = error_rows(work)
-    summary = error_summary(errors)
-    lives = life_rows(work)
-    found, pair = fits(work), pairs(errors)
-    tables = {
-        "degradation-runs": runs(judged), "degradation-fusion9": fusion9(judged), "degradation-choice": choice(judged),
-        "degradation-fits": found, "degradation-errors": errors, "degradation-errors-summary": summary,
-        "degradation-pairs": pair, "degradation-out-of-sample": out_of_sample(pair, shown(work).run.name),
-        "degradation-criteria": criteria_summary(found), "degradation-lives": lives,
-        "degradation-lives-summary": life_summary(lives),
-    }  # fmt: skip
-    known = known_law(work["known law"])
-    tables["degradation-claims"] = claims(work, {**tables, "degradation-known-law": known})
-    for table in tables.values():
-        table["data"] = work.title
-    tables["degradation-coverage"], tables["degradation-known-law"] = coverage(work["coverage"]), known
-    return tables
-
-
-def runs(found: Sequence[Judged]) -> pd.DataFrame:
+@as_table
+def runs(work: Work) -> Rows:
     """What was run on."""
-    return pd.DataFrame([
-        {
+    for j in work["judged"]:
+        yield {
             "run": j.run.name, "source": j.run.source, "records": j.run.run.time_s.size,
             "silent": j.run.whole.time_s.size - j.run.run.time_s.size,
             "life h": float(j.run.run.time_s[-1]) / 3600, "healthy records": j.run.healthy_rows,
             "features": len(j.run.run.names), "stand-ins": ", ".join(j.run.stand_ins) or "none",
             "fusion features": sum(name.startswith("fusion ") for name in j.online.values),
-        }
-        for j in found
-    ])  # fmt: skip
+        }  # fmt: skip
 
 
 @as_table
-def fusion9(found: Sequence[Judged]) -> Rows:
+def fusion9(work: Work) -> Rows:
     """Fusion feature 9 among the fusion features under each reading of how they are made; rank 1 is best. ``later
     better`` compares the mean sensitivity of 9 and on with that of 1 to 8."""
-    for j in found:
+    for j in work["judged"]:
         r = j.run
         parts = [("left out", r.run)]
         if r.whole.time_s.size > r.run.time_s.size:
@@ -110,27 +86,23 @@ def _nine(made: Any, time_s: Array, healthy_rows: int, trend_rows: int) -> dict[
 
 
 @as_table
-def choice(found: Sequence[Judged]) -> Rows:
+def choice(work: Work) -> Rows:
     """The indicator chosen on other runs, beside the run's own best, RMS and fusion feature 9."""
-    for j in found:
+    for j in work["judged"]:
         best = max(j.criteria, key=lambda name: j.criteria[name].suitability)
         for role, name in (("chosen on other runs", j.choice), ("best of this run", best), ("rms", "rms"),
                            ("fusion 9, healthy start", "fusion 9")):  # fmt: skip
             if name is None or name not in j.criteria:
                 yield {"run": j.run.name, "role": role, "candidate": "there is none"}
                 continue
-            c = j.criteria[name]
-            yield {
-                "run": j.run.name, "role": role, "candidate": name, "monotonicity": c.monotonicity,
-                "trendability": c.trendability, "robustness": c.robustness, "suitability": c.suitability,
-                "sensitivity": c.sensitivity,
-            }  # fmt: skip
+            measured = {what: getattr(j.criteria[name], what) for what in MEASURED}
+            yield {"run": j.run.name, "role": role, "candidate": name, **measured}
 
 
 @as_table
 def fits(work: Work) -> Rows:
     """Fits to whole runs: errors, and information criteria as differences to the best model of the indicator."""
-    for job, values in _analyses(work):
+    for job, values in ((r.job, r.value) for r in work["analyses"]):
         least = {name: min(v[name] for v in values.values()) for name in ("aicc", "bic", "aicc ar1", "bic ar1")}
         for model, v in values.items():
             yield {
@@ -150,7 +122,7 @@ def error_rows(work: Work) -> Rows:
         (j.run.name, name): float(np.ptp(causal_trend(x, j.run.trend_rows)))
         for j in work["judged"] for name, x in j.series.items()
     }  # fmt: skip
-    for job, values in _analyses(work):
+    for job, values in ((r.job, r.value) for r in work["analyses"]):
         reach = ranges[job.run, job.indicator]
         for model, v in values.items():
             for fit, key in (("squares", "errors"), ("robust", "robust errors")):
@@ -162,57 +134,56 @@ def error_rows(work: Work) -> Rows:
                     }  # fmt: skip
 
 
-def error_summary(errors: pd.DataFrame) -> pd.DataFrame:
+def error_summary(work: Work) -> pd.DataFrame:
     """Medians over tenths; the mean would be that of the one tenth whose extrapolation explodes."""
     keys = ["run", "indicator", "model", "fit"]
-    grouped = errors.groupby(keys, sort=False)[["rest / range", "next / range"]]
+    grouped = work.tables["degradation-errors"].groupby(keys, sort=False)[["rest / range", "next / range"]]
     return grouped.median().add_suffix(", median").join(grouped.max().add_suffix(", worst")).reset_index()
 
 
 @as_table
-def pairs(errors: pd.DataFrame) -> Rows:
+def pairs(work: Work) -> Rows:
     """Combined power against exponential, model by model; below 1 the combined power's error is lower."""
+    errors = work.tables["degradation-errors"]
     for (run, indicator, fit), here in errors.groupby(["run", "indicator", "fit"], sort=False):
-        for combined in COMBINED:
-            for exponential in EXPONENTIALS:
-                a, b = (here[here["model"] == m].set_index("share of life") for m in (combined, exponential))
-                row: dict[str, Any] = {
-                    "run": run, "indicator": indicator, "fit": fit, "combined": combined, "exponential": exponential,
-                }  # fmt: skip
-                for what in ("rest", "next"):
-                    one, other = a[f"{what} / range"], b[f"{what} / range"]
-                    common = one.index.intersection(other.index)
-                    one, other = one[common], other[common]
-                    row[f"{what}: combined median"] = one.median()
-                    row[f"{what}: exponential median"] = other.median()
-                    row[f"{what}: ratio of medians"] = one.median() / other.median()
-                    row[f"{what}: tenths lower"] = f"{int((one < other).sum())} of {len(common)}"
-                yield row
+        for combined, exponential in itertools.product(COMBINED, EXPONENTIALS):
+            row: dict[str, Any] = {
+                "run": run, "indicator": indicator, "fit": fit, "combined": combined, "exponential": exponential,
+            }  # fmt: skip
+            for what in ("rest", "next"):
+                wide = here.pivot(index="share of life", columns="model", values=f"{what} / range")
+                common = wide.reindex(columns=[combined, exponential]).dropna()
+                one, other = common[combined], common[exponential]
+                row[f"{what}: combined median"] = one.median()
+                row[f"{what}: exponential median"] = other.median()
+                row[f"{what}: ratio of medians"] = one.median() / other.median()
+                row[f"{what}: tenths lower"] = f"{int((one < other).sum())} of {len(common)}"
+            yield row
 
 
 @as_table
-def out_of_sample(pair: pd.DataFrame, shown: str) -> Rows:
+def out_of_sample(work: Work) -> Rows:
     """The claim under every reading: each of two combined powers against each of two exponentials, both errors, plain
     and robust fits, every indicator. ``holds``: lower on the paper's run and on at least four FEMTO runs."""
-    keys = ["indicator", "fit", "combined", "exponential"]
-    for names, here in pair.groupby(keys, sort=False):
+    keys, paper_run = ["indicator", "fit", "combined", "exponential"], shown(work).run.name
+    for names, here in work.tables["degradation-pairs"].groupby(keys, sort=False):
         for what, words in (("rest", "all later records"), ("next", "next tenth")):
             ratio = here.set_index("run")[f"{what}: ratio of medians"].astype(float)
             femto = ratio[[r for r in ratio.index if str(r).startswith("FEMTO")]]
-            own = float(ratio.get(shown, np.nan))
+            own = float(ratio.get(paper_run, np.nan))
             lower = int((femto < 1).sum())
             yield {
-                **dict(zip(keys, names, strict=True)), "error on": words, f"ratio on {shown}": own,
+                **dict(zip(keys, names, strict=True)), "error on": words, f"ratio on {paper_run}": own,
                 "FEMTO runs lower": lower, "FEMTO runs": len(femto), "FEMTO median ratio": femto.median(),
                 "all runs lower": int((ratio < 1).sum()), "runs": len(ratio), "holds": own < 1 and lower >= 4,
             }  # fmt: skip
 
 
 @as_table
-def criteria_summary(found: pd.DataFrame) -> Rows:
+def criteria_summary(work: Work) -> Rows:
     """In how many runs each model is the best by each criterion, and the better combined power beats the better
     exponential."""
-    for indicator, here in found.groupby("indicator", sort=False):
+    for indicator, here in work.tables["degradation-fits"].groupby("indicator", sort=False):
         for name in ("aicc", "bic", "aicc ar1", "bic ar1"):
             table = here.pivot_table(index="run", columns="model", values=f"{name} above best", sort=False)
             table = table[[m for m in MODELS if m in table]]
@@ -231,7 +202,7 @@ def criteria_summary(found: pd.DataFrame) -> Rows:
 def life_rows(work: Work) -> Rows:
     """Remaining life that each model would have predicted at each tenth, as shares of the whole life."""
     hours = {j.run.name: float(j.run.run.time_s[-1]) / 3600 for j in work["judged"]}
-    for job, values in _analyses(work):
+    for job, values in ((r.job, r.value) for r in work["analyses"]):
         for model, v in values.items():
             for source, found in v["lives"].items():
                 for share, true, life, low, high, never in found:
@@ -246,9 +217,10 @@ def life_rows(work: Work) -> Rows:
 
 
 @as_table
-def life_summary(lives: pd.DataFrame) -> Rows:
+def life_summary(work: Work) -> Rows:
     """Over runs and tenths: how far off, how often there is an answer at all, how often the interval holds."""
-    for (indicator, limit, model), here in lives.groupby(["indicator", "limit", "model"], sort=False):
+    keys = ["indicator", "limit", "model"]
+    for (indicator, limit, model), here in work.tables["degradation-lives"].groupby(keys, sort=False):
         off = (here["predicted"].astype(float) - here["true"]).abs().fillna(np.inf)
         late = here["share of life"] >= 0.7 - 1e-9
         yield {
@@ -262,35 +234,33 @@ def life_summary(lives: pd.DataFrame) -> Rows:
         }  # fmt: skip
 
 
-def coverage(found: Sequence[Result[Coverage]]) -> pd.DataFrame:
+@as_table
+def coverage(work: Work) -> Rows:
     """How often intervals of remaining life hold on simulated runs, with the right model and with a wrong one."""
-    return pd.DataFrame([
-        {
+    for r in work["coverage"]:
+        yield {
             "made with": r.job.truth, "fitted": r.job.model, "memory of noise": r.job.memory,
             "share of life": r.job.share, "runs": r.job.runs, "stated": r.job.level, "holds": r.value["inside"],
             "interval bounded": r.value["bounded"], "median width / life": _or_none(r.value["width"], 1e3),
             "median error / life": _or_none(r.value["error"], 1e3), "data": "simulated",
-        }
-        for r in found
-    ])  # fmt: skip
+        }  # fmt: skip
 
 
-def known_law(found: Sequence[Result[KnownLaw]]) -> pd.DataFrame:
+@as_table
+def known_law(work: Work) -> Rows:
     """In which share of simulated runs of known law the claim's first model is preferred to its second."""
-    return pd.DataFrame([
-        {
+    for r in work["known law"]:
+        yield {
             "made with": r.job.truth, "memory of noise": r.job.memory, "runs": r.job.runs,
             "preferred": r.job.pair[0], "to": r.job.pair[1], "by BIC with AR(1) residuals": r.value["criterion"],
             "by error on all later records": r.value["error"], "ratio of median errors": r.value["ratio"],
             "data": "simulated",
-        }
-        for r in found
-    ])  # fmt: skip
+        }  # fmt: skip
 
 
-def claims(work: Work, tables: dict[str, pd.DataFrame]) -> pd.DataFrame:
+def claims(work: Work) -> pd.DataFrame:
     """The paper's statements and the issue's, beside what was found. Verdicts follow from the numbers in the row."""
-    options, own_run = work.options, shown(work).run.name
+    options, own_run, tables = work.options, shown(work).run.name, work.tables
     primary, rival = options.primary
     found, nine, pair = tables["degradation-fits"], tables["degradation-fusion9"], tables["degradation-pairs"]
     rows: list[dict[str, Any]] = []
@@ -328,17 +298,11 @@ def claims(work: Work, tables: dict[str, pd.DataFrame]) -> pd.DataFrame:
         part = nine[nine["run"].isin(there)].reindex(columns=[*dict.fromkeys((*nine.columns, *ranked))])
         part = part[part["sensitivity rank"].notna()]
         count, several = len(part), f"{family}, all readings of all runs that have nine"
-        first = int((part["sensitivity rank"] == 1).sum())
         rank = f", median rank {part['sensitivity rank'].median():.0f}" if count else ""
-        claim(
-            "fusion feature 9 is the most sensitive", several, f"first in {first} of {count} readings{rank}",
-            0 < count == first,
-        )  # fmt: skip
-        first = int((part["sensitivity rank among 9 on"] == 1).sum())
-        claim(
-            "fusion feature 9 is the most sensitive of 9 to 15", several, f"first in {first} of {count} readings",
-            0 < count == first,
-        )  # fmt: skip
+        for among, column, median in (("", ranked[0], rank), (" of 9 to 15", ranked[1], "")):
+            first = int((part[column] == 1).sum())
+            said = f"first in {first} of {count} readings{median}"
+            claim(f"fusion feature 9 is the most sensitive{among}", several, said, 0 < count == first)
         for learnt in ("whole run", "healthy start"):
             own = part[(part["learnt from"] == learnt) & (part["order"] == "descending")]
             share, better = own["variance share"].mean(), int(own["later better"].sum())
@@ -379,11 +343,6 @@ def claims(work: Work, tables: dict[str, pd.DataFrame]) -> pd.DataFrame:
                 f"{shares[1]:.0%}", all((share if right else 1 - share) >= 0.9 for share in shares),
             )  # fmt: skip
     return pd.DataFrame(rows)
-
-
-def _analyses(work: Work) -> Iterator[tuple[Any, dict[str, Any]]]:
-    for result in work["analyses"]:
-        yield result.job, result.value
 
 
 def _or_none(value: float, most: float = np.inf) -> float | None:

@@ -9,16 +9,15 @@ Used in: Paper 2, section 2: figure 5 (normal bearing, displacement and velocity
 the paper's reference [32], whose parameters and waveforms are not in the text: `reference.py` stands in its place).
 """
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, Final, Literal
+from typing import Any, Final, Literal
 
 import numpy as np
 
 from papers.arrays import Array
+from papers.framework import Work
 from papers.options import expect
 from papers.paper2_digital_twin.dynamics import reference
 from papers.paper2_digital_twin.dynamics.contact_motion import motion_of
@@ -27,9 +26,6 @@ from twingap.signal import squared_envelope_spectrum
 from twingap.twins.contact import ContactTwin
 from twingap.twins.contact_dynamics import Job
 from twingap.twins.contact_parameters import PRESETS, ContactParameters
-
-if TYPE_CHECKING:
-    from papers.framework import Work
 
 HIGHEST_ORDER: Final = 12.0
 """Up to which a fault's first line is sought: above the inner race's, below second harmonics' crowd."""

@@ -9,23 +9,20 @@ Used in: Paper 2, section 2 (figure 7: simple state signals update the model; re
 The paper prints no number. The machine is virtual and so is every number here; it shares no code with the twin.
 """
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Final, Literal
+from typing import Any, Final, Literal
 
 import numpy as np
 
+from papers.framework import Work
 from papers.options import expect
-from papers.paper2_digital_twin.live_twin import LiveOptions, LiveTwin, Message, OrderOptions, Snapshot, StateMessage
+from papers.paper2_digital_twin.live_twin.messages import Message, OrderOptions, Snapshot, StateMessage
+from papers.paper2_digital_twin.live_twin.twin import LiveOptions, LiveTwin
 from twingap import BEARINGS
 from twingap.rigs.drifting import Drifting, arrivals
 from twingap.twins.contact_parameters import PRESETS
-
-if TYPE_CHECKING:
-    from papers.framework import Work
 
 ARMS: Final[dict[str, tuple[bool, bool]]] = {
     "frozen": (False, False),

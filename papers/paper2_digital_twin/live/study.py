@@ -1,8 +1,7 @@
 """Study of live updating, its tables, and a figure of one machine's day."""
 
 import re
-from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from typing import Any, Final
 
 import numpy as np
@@ -11,29 +10,16 @@ from matplotlib.figure import Figure
 
 from papers.arrays import Array
 from papers.figures import subplots
-from papers.framework import Rows, Step, Study, Work, as_table
-from papers.options import as_input
+from papers.framework import Result, Rows, Step, Study, Work, as_input, as_table
 from papers.paper2_digital_twin.live import jobs
 from papers.paper2_digital_twin.live_twin.twin import WATCHED
 from twingap.rigs.drifting import COOLED, REFILLED, WEARS
-from twingap.sweep import Result
 
-DATA: Final = "virtual machine"
 WHOLE = "after commissioning"
 DRIFT = "under drift"  # from the beginning of the wear on, cooling included: the drift scenario of the target
 LAW = "law"
 ALARM = re.compile(rf"({'|'.join(WATCHED)}) drifts ")
 """How the reason of an update begins that an alarm led to, whatever came of it: with no better values it is "kept"."""
-
-
-def all_tables(work: Work) -> dict[str, pd.DataFrame]:
-    options, drifting = work.options, work["drifting"]
-    found = {
-        "live-errors": errors(drifting), "live-targets": targets(options, drifting),
-        "live-false-alarms": false_alarms(options, work["steady"]), "live-messages": messages(drifting),
-        "live-cost": cost(drifting),
-    }  # fmt: skip
-    return {name: table.assign(data=DATA) for name, table in found.items()}
 
 
 def metrics(work: Work) -> dict[str, float]:
@@ -124,11 +110,9 @@ def false_alarms(options: jobs.Options, steady: Sequence[Result[jobs.Scenario]])
 
 def messages(drifting: Sequence[Result[jobs.Scenario]]) -> pd.DataFrame:
     """What became of the messages, summed over machines."""
-    total: Counter[tuple[str, str]] = Counter()
-    for r in drifting:
-        for kind, case, n in r.value["arms"]["live"]["messages"]:
-            total[kind, case] += n
-    return pd.DataFrame([{"message": k, "case": c, "count": n} for (k, c), n in sorted(total.items())])
+    rows = [row for r in drifting for row in r.value["arms"]["live"]["messages"]]
+    found = pd.DataFrame(rows, columns=["message", "case", "count"])
+    return found.groupby(["message", "case"], as_index=False).sum()
 
 
 @as_table
@@ -156,10 +140,6 @@ LINES: Final = {
     "live": ("#D55E00", "-"),
 }
 TRUTH: Final = "#009E73"
-
-
-def all_figures(work: Work) -> Iterator[tuple[str, Figure]]:
-    yield "live-drift", day(work["drifting"][0])
 
 
 def day(first: Result[jobs.Scenario]) -> Figure:
@@ -216,14 +196,21 @@ def _parameter(panel: Any, course: Any, arms: Any, name: str, title: str) -> Non
 STUDY = Study(
     name="live",
     title="live updating",
-    data=DATA,
+    data="virtual machine",
+    named=True,
     options=jobs.Options,
     steps=(
         Step("drifting", jobs.live_through, jobs.drifting, as_input),
         Step("steady", jobs.live_through, jobs.steady, as_input),
     ),
-    tables=all_tables,
+    tables={
+        "live-errors": lambda work: errors(work["drifting"]),
+        "live-targets": lambda work: targets(work.options, work["drifting"]),
+        "live-false-alarms": lambda work: false_alarms(work.options, work["steady"]),
+        "live-messages": lambda work: messages(work["drifting"]),
+        "live-cost": lambda work: cost(work["drifting"]),
+    },
     metrics=metrics,
-    figures=all_figures,
+    figures={"live-drift": lambda work: day(work["drifting"][0])},
     headlines=("live-targets", "live-false-alarms"),
 )

@@ -139,8 +139,8 @@ class SpectrumModel:
         own, laws = self.parameters, self.laws
         clearance = own.clearance_um
         if self.follow:
-            damping *= laws.damping.factor(state.temperature_c, laws.reference_c)
-            clearance += laws.clearance.change_um(self.bearing, state.temperature_c - laws.reference_c)
+            damping *= laws.damping_factor(state.temperature_c)
+            clearance += laws.clearance_change_um(self.bearing, state.temperature_c)
         return replace(own, stiffness=stiffness, damping=damping, clearance_um=clearance, load_n=state.load_n)
 
     def predict(

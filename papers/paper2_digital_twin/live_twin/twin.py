@@ -111,7 +111,8 @@ class LiveTwin:
         self.journal = Journal()
         self._buffer = Reorder(order)
         self.journal.counts = self._buffer.counts
-        self._state: MachineState | None = None
+        # The latest that was let go by the buffer; its temperature is the one that the laws were last set by.
+        self.state: MachineState | None = None
         self._theta: Array | None = None
         self._bounds: tuple[Array, Array] | None = None
         self._recent: deque[_Seen] = deque(maxlen=max(self.options.window, self.options.commissioning))
@@ -120,17 +121,12 @@ class LiveTwin:
         self._following = 0  # snapshots behind the new values; 0: watching
 
     @property
-    def state(self) -> MachineState | None:
-        """The latest state that was let go by the buffer; its temperature is the one that the laws were last set by."""
-        return self._state
-
-    @property
     def parameters(self) -> ContactParameters:
         """Of the contact twin, now; without structure noise at standstill. `TwingapError` before the first running
         state."""
-        if self._state is None or self._theta is None:
+        if self.state is None or self._theta is None:
             raise self._not_started()
-        return self.model.at(self._theta, self._state, self.band.fs_hz)
+        return self.model.at(self._theta, self.state, self.band.fs_hz)
 
     def predict(self, state: MachineState) -> Array:
         """Amplitude spectrum (root of the PSD) in the band that a snapshot in this state should have [bins]."""
@@ -167,17 +163,17 @@ class LiveTwin:
     def _told(self, message: StateMessage) -> list[Update]:
         """A state: the operating point as it is, temperature in steps."""
         load = self.model.parameters.load_n if message.load_n is None else message.load_n
-        before = self._state
+        before = self.state
         now = MachineState(message.time_s, message.temperature_c, message.speed_rpm, load)
         if before is None or self._theta is None:
             if now.speed_rpm > 0:  # levels are those at a speed, which a machine that stands still does not have
                 self._theta = self.model.start(now, self.band.fs_hz)
-            self._state = now
+            self.state = now
             return []
         if abs(now.temperature_c - before.temperature_c) < self.options.temperature_step_k:
-            self._state = replace(now, temperature_c=before.temperature_c)
+            self.state = replace(now, temperature_c=before.temperature_c)
             return []
-        self._state = now
+        self.state = now
         if not self.options.follow_temperature:
             return []
         began = time.process_time()
@@ -189,17 +185,17 @@ class LiveTwin:
     def _shown(self, snapshot: Snapshot) -> list[Update]:
         """A snapshot: judged, and reacted to."""
         counts, began = self.journal.counts, time.process_time()
-        if self._state is None or snapshot.time_s - self._state.time_s > self.options.stale_s:
+        if self.state is None or snapshot.time_s - self.state.time_s > self.options.stale_s:
             counts["snapshot", "without a fresh state"] += 1
             return []
-        if not self._state.speed_rpm > 0:
+        if not self.state.speed_rpm > 0:
             counts["snapshot", "at standstill"] += 1
             return []
         if snapshot.fs_hz != self.band.fs_hz or snapshot.samples.size < 2 * self.band.segment:
             counts["snapshot", "of another rate or too short"] += 1
             return []
         assert self._theta is not None
-        state = replace(self._state, time_s=snapshot.time_s, fault=snapshot.fault)
+        state = replace(self.state, time_s=snapshot.time_s, fault=snapshot.fault)
         seen = _Seen(self.band.amplitude(snapshot.samples), state, self.band.averages(snapshot.samples.size))
         (predicted,) = self.model.predict(self._theta, [state], self.band)
         off, chance = deviation(seen.amplitude, predicted, seen.averages)
@@ -276,14 +272,14 @@ class LiveTwin:
         assert self._theta is not None
         laws, best, tried = self.model.laws, self._theta, []
         for share in FILM_SHARES:
-            self.model.laws = replace(laws, damping=replace(laws.damping, film=share))
+            self.model.laws = replace(laws, film=share)
             try:
                 fit = self._refit(best, seen, 5)
             except TwingapError:
                 continue
             tried.append((fit.after, share, fit))
         error, share, fit = min(tried, key=lambda one: one[0])
-        self.model.laws, self._theta = replace(laws, damping=replace(laws.damping, film=share)), fit.theta
+        self.model.laws, self._theta = replace(laws, film=share), fit.theta
         why = f"{update.why}; warming up showed the film's share of the damping: {share:g}"
         after = self._values(seen[-1].state)
         return replace(update, why=why, after=after, error_after=error, seconds=time.process_time() - began)
@@ -300,7 +296,7 @@ class LiveTwin:
     def _fit(
         self, time_s: float, kind: Kind, why: str, seen: list[_Seen], began: float, evaluations: int
     ) -> tuple[Update, list[Prediction] | None]:
-        assert self._theta is not None and self._state is not None
+        assert self._theta is not None and self.state is not None
         state, before = seen[-1].state, self._values(seen[-1].state)
         fit: Fit | None
         try:
@@ -344,7 +340,7 @@ class LiveTwin:
         }  # fmt: skip
 
     def _not_started(self) -> TwingapError:
-        what = "no state has been received yet" if self._state is None else "the machine has stood still so far"
+        what = "no state has been received yet" if self.state is None else "the machine has stood still so far"
         return TwingapError(what, where="live twin")
 
     def _new_detector(self, baseline: int) -> DriftDetector:

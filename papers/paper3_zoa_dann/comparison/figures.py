@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from papers.figures import grid, rule, subplots
+from papers.figures import grid, name_axes, rule, subplots
 from papers.framework import Work
 from papers.paper3_zoa_dann.comparison.jobs import TaskOutcome
 from papers.paper3_zoa_dann.comparison.tables import CLEAN, confusion_counts, trials
@@ -112,9 +112,8 @@ def noise(runs: pd.DataFrame) -> Figure:
             panel.set_xticks(range(len(levels) + 1), [*(f"{level:g}" for level in levels), "none"])
             panel.set(title=f"{FAMILY[family]}, {', '.join(dict.fromkeys(here['data']))}\n{title}", ylim=(0, 100))
             panel.grid(color="0.9")
-        line[0].set_ylabel("windows right (%)")
+    name_axes(panels, "SNR of added noise (dB)", "windows right (%)")
     for panel in panels[-1]:
-        panel.set_xlabel("SNR of added noise (dB)")
         panel.legend(loc="upper center", bbox_to_anchor=(0.5, -0.2))
     return figure
 
@@ -136,10 +135,7 @@ def confusion(outcome: TaskOutcome, snr_db: float | None) -> Figure:
         panel.set_xticks(range(len(classes)), classes, rotation=40, ha="right")
         panel.set_yticks(range(len(classes)), classes)
         panel.set_title(method)
-    for panel in panels[:, 0]:
-        panel.set_ylabel("true")
-    for panel in panels[-1]:
-        panel.set_xlabel("called")
+    name_axes(panels, "called", "true")
     if image is not None:
         figure.colorbar(image, ax=panels, label="windows of the true class (%)", shrink=0.7)
     figure.suptitle(f"{outcome.task.name}, {outcome.data}, balanced target data, {noise_words(snr_db)}")

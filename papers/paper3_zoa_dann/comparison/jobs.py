@@ -1,15 +1,7 @@
 """The paper's comparison: nine methods and the analyst's rule, seven tasks, three states of the target data, noise.
 
-tasks/*.toml, records --> cell: adapt (labels taken away) | judge (other recordings)
-                            |
-        identify k, c (no labels) --> contact twin --> labelled windows --> trials: method x seed x SNR
-                                                                                |
-                           tables, figures, MLflow (task > method > trial) <----+
-
-Used in: Paper 3, section 4, DOI 10.1177/10775463261462852.
+Used in: Paper 3, section 4. The paper's README draws how tasks become tables.
 """
-
-from __future__ import annotations
 
 import dataclasses
 import shutil
@@ -17,10 +9,11 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import numpy as np
 
+from papers.framework import Result, Run, Work
 from papers.options import expect, read
 from papers.paper3_zoa_dann.comparison.task_files import (
     FOLDER,
@@ -31,9 +24,7 @@ from papers.paper3_zoa_dann.comparison.task_files import (
     read_task,
 )
 from papers.paper3_zoa_dann.comparison.trial import ALL, CLOSED, Trial, noise_words, run_trial
-from papers.paper3_zoa_dann.inputs import options as common_options
-from papers.paper3_zoa_dann.inputs.options import Options as Common
-from papers.paper3_zoa_dann.inputs.options import read_options as read_common
+from papers.paper3_zoa_dann.inputs import options as frame
 from papers.paper3_zoa_dann.job import Identification, identified
 from papers.paper3_zoa_dann.source import FREE, Recipe
 from papers.paper3_zoa_dann.tasks import Target
@@ -41,11 +32,6 @@ from twingap import TwingapError
 from twingap.adapt import ModeInputs, Training
 from twingap.effects import catalogue
 from twingap.provenance import digest_of_path
-
-if TYPE_CHECKING:
-    from papers.framework import Work
-    from twingap.sweep import Result
-    from twingap.track import Run
 
 CONFIG: Final = Path(__file__).with_name("config.toml")
 Key = tuple[str, float | None]  # state of the unlabelled data, and the size left out
@@ -61,7 +47,7 @@ class Published:
 
 
 @dataclass(frozen=True)
-class Size(common_options.Size):
+class Size(frame.Size):
     available: tuple[str, ...]
     strict_seeds: int
     noise_seeds: tuple[int, ...]
@@ -138,7 +124,7 @@ def cells(task: TaskFile, size: Size, seed: int) -> Iterator[Cell]:
 
 
 def trials(
-    task: TaskFile, cell: Cell, recipe: Recipe, options: Options, common: Common, size: Size, seed: int
+    task: TaskFile, cell: Cell, recipe: Recipe, options: Options, common: frame.Options, size: Size, seed: int
 ) -> Iterator[Trial]:
     """The trials of a cell: without noise first, methods in turn, so that what is done early can be compared."""
     training = dataclasses.replace(options.training, steps=size.steps)
@@ -172,7 +158,7 @@ def load_tasks(work: Work) -> list[tuple[TaskFile, Target]]:
     """The profile's tasks, as far as their data are at hand; task files lie beside the configuration."""
     found: list[tuple[TaskFile, Target]] = []
     missing = []
-    own, common = work.config.with_name("tasks"), read_common()
+    own, common = work.config.with_name("tasks"), frame.read_options()
     folder = own if own.is_dir() else FOLDER
     for name in work.size.tasks:
         task = read_task(name, folder)
@@ -194,7 +180,7 @@ def prepared(work: Work, task: TaskFile, target: Target, chosen: Iterable[Cell])
     bearing = target.records.bearing
     if bearing is None:
         raise TwingapError("brings no bearing geometry", where=f"record set {target.records.name!r}")
-    common, size = read_common(), work.size
+    common, size = frame.read_options(), work.size
     source = dataclasses.replace(common.source, width_mm=task.width_mm)
     for cell in chosen:
         own = material(task, target.records, cell.available, cell.unseen)
@@ -221,10 +207,9 @@ def kept_modes(out: Path) -> Iterator[Path]:
         shutil.rmtree(folder, ignore_errors=True)
 
 
-def outcomes(work: Work) -> list[TaskOutcome]:
+def outcomes(work: Work) -> Iterator[TaskOutcome]:
     """Every task, logged as soon as it is finished."""
-    options, common, size = work.options, read_common(), work.size
-    found = []
+    options, common, size = work.options, frame.read_options(), work.size
     for task, target in work["tasks"]:
         materials: dict[Key, Material] = {}
         identified: dict[Key, Mapping[str, float]] = {}
@@ -237,9 +222,9 @@ def outcomes(work: Work) -> list[TaskOutcome]:
             with kept_modes(work.out) as modes:
                 inputs = ready.inputs | {"device": (work.device, None), "modes": (modes, None)}
                 results += work.sweep(run_trial, jobs, inputs, lambda job: job.words, f"task {task.name}")
-        found.append(TaskOutcome(task, target.title, materials, identified, results))
-        _log_task(work.log, found[-1])
-    return found
+        outcome = TaskOutcome(task, target.title, materials, identified, results)
+        _log_task(work.log, outcome)
+        yield outcome
 
 
 def _log_task(log: Run, outcome: TaskOutcome) -> None:

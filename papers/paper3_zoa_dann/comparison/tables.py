@@ -17,8 +17,7 @@ from papers.framework import Rows, Work, as_table
 from papers.intervals import intervals, std
 from papers.paper3_zoa_dann.comparison.jobs import Key, Options, TaskOutcome
 from papers.paper3_zoa_dann.comparison.trial import ALL, ANALYST, OWN, noise_words
-from papers.paper3_zoa_dann.inputs.options import Options as Common
-from papers.paper3_zoa_dann.inputs.options import read_options as read_common
+from papers.paper3_zoa_dann.inputs import options as frame
 from papers.paper3_zoa_dann.significance import corrected, paired
 from twingap.adapt import CRITERIA
 
@@ -27,7 +26,7 @@ CLEAN: Final = noise_words(None)
 
 
 def all_tables(work: Work) -> dict[str, pd.DataFrame]:
-    return tables_of(work.options, read_common(), work["outcomes"])
+    return tables_of(work.options, frame.read_options(), work["outcomes"])
 
 
 def metrics(work: Work) -> dict[str, float]:
@@ -36,7 +35,7 @@ def metrics(work: Work) -> dict[str, float]:
     return {"comparison core hours": sum(seconds) / 3600, "comparison trials": len(seconds)}
 
 
-def tables_of(options: Options, common: Common, outcomes: Sequence[TaskOutcome]) -> dict[str, pd.DataFrame]:
+def tables_of(options: Options, common: frame.Options, outcomes: Sequence[TaskOutcome]) -> dict[str, pd.DataFrame]:
     outcomes = sorted(outcomes, key=lambda outcome: outcome.task.name)
     runs, levels = trials(outcomes), common.judging.levels
     means = family_means(runs, options, levels)
@@ -73,18 +72,12 @@ def trials(outcomes: Sequence[TaskOutcome]) -> pd.DataFrame:
 
 
 def _sorted(runs: pd.DataFrame) -> pd.DataFrame:
-    """In the order of tasks, states, noise (none first), methods, seeds."""
-    keys = pd.DataFrame({
-        "task": runs["task"], "main": ~runs["main"], "available": _place(runs["available"], ORDER),
-        "unseen": runs["unseen"].fillna(-1.0), "noise": -runs["snr_db"], "method": _place(runs["method"], ALL),
-        "seed": runs["seed"],
-    })  # fmt: skip
-    return runs.loc[keys.sort_values(list(keys.columns), kind="stable").index].reset_index(drop=True)
-
-
-def _place(column: pd.Series[Any], order: Sequence[str]) -> pd.Series[Any]:
-    """Places in an order; what is not in it comes last."""
-    return column.map(lambda name: order.index(name) if name in order else len(order))
+    """In the order of tasks, states, noise (none first), methods, seeds; what is in no order comes last."""
+    keys = runs.assign(main=~runs["main"], unseen=runs["unseen"].fillna(-1.0), snr_db=-runs["snr_db"])
+    for name, order in (("available", ORDER), ("method", ALL)):
+        keys[name] = keys[name].map({one: place for place, one in enumerate(order)}).fillna(len(order))
+    by = ["task", "main", "available", "unseen", "snr_db", "method", "seed"]
+    return runs.loc[keys.sort_values(by, kind="stable").index].reset_index(drop=True)
 
 
 def _summary(values: Iterable[float], levels: Sequence[float]) -> dict[str, float]:
@@ -157,14 +150,14 @@ def at_noise(runs: pd.DataFrame, snr_db: float, levels: Sequence[float]) -> pd.D
     rows = []
     main = runs[runs["main"] & (runs["available"] == "balanced")]
     for (data, task, method), own in main.groupby(["data", "task", "method"], sort=False):
-        noisy = own[own["snr_db"] == snr_db].set_index("seed")["accuracy"]
-        if not len(noisy):
+        noisy = own[own["snr_db"] == snr_db].set_index("seed")
+        if noisy.empty:
             continue
         quiet = own[own["noise"] == CLEAN].set_index("seed")["accuracy"].reindex(noisy.index)
-        oracle = own.loc[own["snr_db"] == snr_db, "oracle"].mean()
         rows.append({
             "data": data, "task": task, "noise": noise_words(snr_db), "method": method, "seeds": len(noisy),
-            **_summary(noisy, levels), "oracle": oracle, "loss": 100 * (quiet - noisy).mean(),
+            **_summary(noisy["accuracy"], levels), "oracle": noisy["oracle"].mean(),
+            "loss": 100 * (quiet - noisy["accuracy"]).mean(),
         })  # fmt: skip
     columns = ["data", "task", "noise", "method", "seeds", "accuracy", "accuracy_std", "oracle", "loss"]
     return pd.DataFrame(rows) if rows else pd.DataFrame(columns=columns)

@@ -7,7 +7,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from papers.arrays import Array
-from papers.figures import LINE_NAMES, subplots
+from papers.figures import LINE_NAMES, name_axes, subplots
 from papers.framework import Work
 from papers.paper3_zoa_dann.identification.agreement import aligned
 from papers.paper3_zoa_dann.identification.jobs import WORDS
@@ -51,10 +51,7 @@ def convergence(work: Work) -> Figure:
             start = np.quantile([r.value["best"][min(15, len(r.value["best"]) - 1)] for r in here], 0.9)
             panel.set(ylim=(least - 0.04 * (start - least), start), title=f"{fault}, {setting} setting")
             panel.grid(color="0.9")
-    for panel in panels[-1]:
-        panel.set_xlabel("evaluations")
-    for panel in panels[:, 0]:
-        panel.set_ylabel("relative error of spectra")
+    name_axes(panels, "evaluations", "relative error of spectra")
     runs = len({r.job.seed for r in work["searches"]})
     figure.suptitle(f"Search for stiffness and damping, {work.title}: median and middle half of {runs} runs")
     figure.legend(*panels[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=4)

@@ -10,18 +10,17 @@ simulated machines, 10 dB SNR --> identify --> how far off, how often within the
 Used in: Paper 3, sections 2.2 and 2.3, DOI 10.1177/10775463261462852.
 """
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final, Literal
+from typing import Any, Final, Literal
 
 import numpy as np
 
 from papers.arrays import Array
-from papers.options import as_input, expect
+from papers.framework import Inputs, Work, as_input
+from papers.options import expect
 from papers.paper3_zoa_dann.identification.agreement import agreement
 from twingap import BEARINGS, Condition, Record, RecordSet, TwingapError, data, identify
 from twingap.identification.contact import BOUNDS
@@ -31,9 +30,6 @@ from twingap.identification.optimise import OPTIMISERS, Traced
 from twingap.rigs import make_rig
 from twingap.twins import ContactTwin, TwinSpec
 from twingap.twins.contact_parameters import PRESETS, ContactParameters
-
-if TYPE_CHECKING:
-    from papers.framework import Inputs, Work
 
 WORDS: Final = {
     "zoa": "ZOA, R = 0.1",

@@ -1,47 +1,30 @@
 """Identification study, and its tables."""
 
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-import pandas as pd
 
-from papers.framework import Rows, Step, Study, Work, as_table
-from papers.options import as_input
+from papers.framework import Rows, Step, Study, Work, as_input, as_table
 from papers.paper3_zoa_dann.identification import figures, jobs
 from papers.paper3_zoa_dann.identification.agreement import METRICS
-from twingap.sweep import Result
 
 READINGS = ("contact alone", "with noises")
 KINDS = ("waveform", "spectrum")
 
 
-def all_tables(work: Work) -> dict[str, pd.DataFrame]:
-    found = agreement(work["comparisons"])
-    tables = {
-        "identification-convergence": convergence(work["searches"]),
-        "identification-agreement": found,
-        "identification-drops": drops(found, work.options),
-        "identification-recovery": recovery(work["recoveries"], work.options.snr_db),
-    }
-    for table in tables.values():
-        table["data"] = work.title
-    tables["identification-recovery"]["data"] = "simulated machines"
-    return tables
-
-
 @as_table
-def convergence(searches: Sequence[Result[jobs.Search]]) -> Rows:
+def convergence(work: Work) -> Rows:
     """Cost that each optimiser has reached in the end, over seeds; ``near`` is the median number of evaluations after
     which a run is within 1 % of the least cost of all, empty when half of the runs never are."""
-    keys = list(dict.fromkeys((r.job.fault, r.job.setting) for r in searches))
-    for fault, setting in keys:
+    searches = work["searches"]
+    for fault, setting in dict.fromkeys((r.job.fault, r.job.setting) for r in searches):
         here = [r for r in searches if (r.job.fault, r.job.setting) == (fault, setting)]
         least = min(float(r.value["best"][-1]) for r in here)
         for optimiser in dict.fromkeys(r.job.optimiser for r in here):
             runs = [r.value for r in here if r.job.optimiser == optimiser]
             cost = np.array([float(v["best"][-1]) for v in runs])
-            near = [_first(np.asarray(v["best"]) <= 1.01 * least) for v in runs]
+            # Evaluations until a run is near the least for the first time; infinity when it never is.
+            near = [next((n for n, c in enumerate(v["best"], 1) if c <= 1.01 * least), np.inf) for v in runs]
             k, c = (np.array([v[name] for v in runs]) for name in ("stiffness", "damping"))
             half = float(np.median(near))
             yield {
@@ -54,9 +37,9 @@ def convergence(searches: Sequence[Result[jobs.Search]]) -> Rows:
 
 
 @as_table
-def agreement(comparisons: Sequence[Result[jobs.Comparison]]) -> Rows:
+def agreement(work: Work) -> Rows:
     """Metrics of each twin on the half of the recording that it was not fitted to."""
-    for r in comparisons:
+    for r in work["comparisons"]:
         for reading in READINGS:
             metrics = {f"{kind} {m}": r.value[f"{reading}: {kind} {m}"] for kind in KINDS for m in METRICS}
             yield {
@@ -67,8 +50,9 @@ def agreement(comparisons: Sequence[Result[jobs.Comparison]]) -> Rows:
 
 
 @as_table
-def drops(found: pd.DataFrame, options: jobs.Options) -> Rows:
+def drops(work: Work) -> Rows:
     """By how many percent each metric falls from the setting's first twin to the others, mean and range over faults."""
+    found = work.tables["identification-agreement"]
     for (setting, reading), here in found.groupby(["setting", "reading"], sort=False):
         first = here["twin"].iloc[0]
         before = here[here["twin"] == first].set_index("fault")
@@ -76,7 +60,7 @@ def drops(found: pd.DataFrame, options: jobs.Options) -> Rows:
             after = here[here["twin"] == twin].set_index("fault")
             for kind in KINDS:
                 row: dict[str, Any] = {"setting": setting, "reading": reading, "from": first, "to": twin, "of": kind}
-                for metric, published in zip(METRICS, options.published_drops, strict=True):
+                for metric, published in zip(METRICS, work.options.published_drops, strict=True):
                     name = f"{kind} {metric}"
                     change = 100 * (1 - after[name] / before[name])
                     row |= {
@@ -87,25 +71,20 @@ def drops(found: pd.DataFrame, options: jobs.Options) -> Rows:
 
 
 @as_table
-def recovery(recoveries: Sequence[Result[jobs.Recovery]], snr_db: float) -> Rows:
+def recovery(work: Work) -> Rows:
     """How far identified parameters of simulated machines are off, and how often 90 % intervals hold them."""
-    for fault in dict.fromkeys(r.job.fault for r in recoveries):
-        here = [r.value for r in recoveries if r.job.fault == fault]
+    for fault in dict.fromkeys(r.job.fault for r in work["recoveries"]):
+        here = [r.value for r in work["recoveries"] if r.job.fault == fault]
         for name in ("stiffness", "damping"):
             off = np.abs([v[name] for v in here])
             inside = [v[f"{name} inside"] for v in here if v[f"{name} inside"] is not None]
             yield {
-                "fault": fault, "parameter": name, "snr_db": snr_db, "machines": len(here),
+                "fault": fault, "parameter": name, "snr_db": work.options.snr_db, "machines": len(here),
                 "median off %": 100 * np.median(off), "most off %": 100 * off.max(),
                 "within 5 %": f"{(off <= 0.05).sum()} of {off.size}",
                 "in 90 % interval": f"{sum(inside)} of {len(inside)}", "without interval": len(here) - len(inside),
+                "data": "simulated machines",
             }  # fmt: skip
-
-
-def _first(true: Any) -> float:
-    """Evaluations until it is true for the first time; infinity when it never is."""
-    at = np.flatnonzero(true)
-    return float(at[0] + 1) if at.size else np.inf
 
 
 STUDY = Study(
@@ -118,7 +97,13 @@ STUDY = Study(
         Step("comparisons", jobs.compare, jobs.comparisons, jobs.both),
         Step("recoveries", jobs.recover, jobs.machines, as_input),
     ),
-    tables=all_tables,
+    named=True,
+    tables={
+        "identification-convergence": convergence,
+        "identification-agreement": agreement,
+        "identification-drops": drops,
+        "identification-recovery": recovery,
+    },
     figures=figures.all_figures,
     letters=(14, 13),
     headlines=("identification-drops", "identification-recovery"),

@@ -1,21 +1,18 @@
 """A plain network with and without adaptation, on several inputs: what an input is worth in the paper's frame.
 
-Used in: Paper 3, dynamics-assisted unsupervised domain adaptation for rolling bearing fault diagnosis, Journal of
-Vibration and Control, DOI 10.1177/10775463261462852: its frame (twin, identification, DANN) with a plain network in
-place of the paper's, which `comparison` has.
+The paper's frame (twin, identification, DANN) with a plain network in place of its own, which `comparison` has.
 """
-
-from __future__ import annotations
 
 import dataclasses
 import itertools
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from papers.framework import Result, Run, Work
 from papers.logs import log_checkpoints, log_method
 from papers.paper3_zoa_dann.inputs.options import Options, Profile
 from papers.paper3_zoa_dann.job import Identification, Job, Measured, identified, train_and_judge, windows_digest
@@ -24,11 +21,6 @@ from papers.paper3_zoa_dann.tasks import Target, Task, load_target, make_tasks
 from papers.paper3_zoa_dann.yardsticks import analyst, majority
 from twingap import Bearing, TwingapError
 from twingap.adapt import Method, Scores, cut, score
-
-if TYPE_CHECKING:
-    from papers.framework import Work
-    from twingap.sweep import Result
-    from twingap.track import Run
 
 METHODS: Final[tuple[Method, ...]] = ("source_only", "dann")
 LABELS: Final = {"source_only": "Non-DA", "dann": "DANN"}  # methods in words
@@ -70,10 +62,10 @@ def load(work: Work) -> Target:
     return target
 
 
-def results(work: Work) -> list[TaskResult]:
+def results(work: Work) -> Iterator[TaskResult]:
     """Every task, logged as soon as it is finished."""
     options, size, records = work.options, work.size, work["target"].records
-    found, bearing = [], records.bearing
+    bearing = records.bearing
     assert bearing is not None
     for task in make_tasks(size.tasks, records):
         own = _measured(task, options, size)
@@ -86,9 +78,9 @@ def results(work: Work) -> list[TaskResult]:
             train_and_judge, _jobs(task, recipe, options, size, work.seed), {"measured": (own, own.digest)},
             lambda j: f"{j.task}, {j.view}, {j.method}, seed {j.seed}", f"training, {task.title}",
         )  # fmt: skip
-        found.append(TaskResult(task, own, parameters, recipe, trainings, **_yardsticks(task, own, options, bearing)))
-        _log_task(work.log, found[-1])
-    return found
+        result = TaskResult(task, own, parameters, recipe, trainings, **_yardsticks(task, own, options, bearing))
+        _log_task(work.log, result)
+        yield result
 
 
 def _measured(task: Task, options: Options, size: Profile) -> Measured:
@@ -118,13 +110,11 @@ def _yardsticks(task: Task, measured: Measured, options: Options, bearing: Beari
     classes, rate, labels = options.target.classes, options.judging.false_alarm, measured.evaluate.labels
     assert labels is not None
     calls = analyst(measured.evaluate, bearing, classes, rate)
-    votes, truth = [], []
-    for i, condition in enumerate(task.evaluate.conditions):
-        one = cut(task.evaluate.take([i]), condition.n_samples, 1, classes)
-        votes.append(analyst(one, bearing, classes, rate)[0])
-        truth.append(one.labels)
-    names = np.array([c.name for c in task.evaluate.conditions])
-    whole, whole_truth = np.array(votes), np.concatenate([t for t in truth if t is not None])
+    conditions = task.evaluate.conditions
+    each = [cut(task.evaluate.take([i]), c.n_samples, 1, classes) for i, c in enumerate(conditions)]
+    whole = np.concatenate([analyst(one, bearing, classes, rate) for one in each])
+    whole_truth = np.concatenate([one.labels for one in each if one.labels is not None])
+    names = np.array([c.name for c in conditions])
     return {
         "majority": majority(labels, len(classes)), "analyst": score(calls, labels, measured.evaluate.group),
         "analyst_whole": score(whole, whole_truth, names), "analyst_calls": calls, "analyst_whole_calls": whole,

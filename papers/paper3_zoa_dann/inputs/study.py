@@ -1,6 +1,5 @@
 """Study of inputs, its tables, and a figure of the spectra that classes confuse."""
 
-from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -9,80 +8,64 @@ from matplotlib.figure import Figure
 
 from papers.figures import LINE_NAMES, subplots
 from papers.framework import Rows, Step, Study, Work, as_table
-from papers.intervals import intervals, std
+from papers.intervals import intervals
 from papers.paper3_zoa_dann.inputs import jobs
 from papers.paper3_zoa_dann.inputs.jobs import LABELS, TaskResult
 from papers.paper3_zoa_dann.inputs.options import Options
-from papers.paper3_zoa_dann.job import Job
 from papers.paper3_zoa_dann.source import simulate
-from twingap.adapt import VIEWS, Scores, Windows
+from twingap.adapt import CRITERIA, VIEWS, Windows
 from twingap.adapt.views import ORDERS
-from twingap.sweep import Result
 
 
-def all_tables(work: Work) -> dict[str, pd.DataFrame]:
-    results, options, title = work["results"], work.options, work.title
-    told = [{"data": title, "task": r.task.title, **r.identified} for r in results]
-    return {
-        "accuracy": accuracy(results, options, title), "confusion": confusion(results, options, title),
-        "recordings": recordings(results, options, title), "adaptation": adaptation(results, options, title),
-        "selection": selection(results, title), "identification": pd.DataFrame(told),
-    }  # fmt: skip
+def trainings(work: Work) -> pd.DataFrame:
+    """A row per training; ``score`` is the label-free one of its checkpoint."""
+    criterion = work.options.judging.criterion
+    return pd.DataFrame(
+        {
+            "data": work.title, "task": result.task.title, "input": t.job.view, "method": LABELS[t.job.method],
+            "seed": t.job.seed, "accuracy": v["accuracy"][v["place"]], "balanced": v["balanced_accuracy"][v["place"]],
+            "recordings_right": v["recordings_right"], "recordings": v["recordings"], "oracle": max(v["accuracy"]),
+            "source_accuracy": v["source_accuracy"], "domain_accuracy": v["domain_accuracy"][-1],
+            "last checkpoint": v["accuracy"][-1], "score": v["criteria"][criterion][v["place"]],
+            **{f"by {name}": v["accuracy"][place] for name, place in v["chosen"].items()},
+        }
+        for result in work["results"]
+        for t, v in ((t, t.value) for t in result.trainings)
+    )  # fmt: skip
 
 
 @as_table
-def accuracy(results: Sequence[TaskResult], options: Options, data: str) -> Rows:
+def accuracy(work: Work) -> Rows:
     """A row per task, input and method, then the yardsticks. ``oracle`` is of the checkpoint that target labels would
     have chosen; "chosen by ..." takes, for each seed, the input and method with the highest label-free score."""
-    for result in results:
-        for (view, method), trainings in result.cells.items():
-            yield _row(result, data, view, LABELS[method], trainings, options)
-        chosen = f"chosen by {options.judging.criterion}"
-        yield _row(result, data, "any", chosen, _chosen(result, options), options)
-        yield _yardstick(result, data, "-", "majority class", result.majority)
-        yield _yardstick(result, data, "envelope", "analyst's rule", result.analyst)
-        yield _yardstick(result, data, "envelope", "analyst's rule, whole recordings", result.analyst_whole)
-
-
-def _chosen(result: TaskResult, options: Options) -> list[Result[Job]]:
-    """For each seed the training that the label-free criterion prefers over inputs and methods."""
-    criterion = options.judging.criterion
-    by_seed: dict[int, list[Result[Job]]] = {}
-    for training in result.trainings:
-        by_seed.setdefault(training.job.seed, []).append(training)
-    return [max(ts, key=lambda t: t.value["criteria"][criterion][t.value["place"]]) for ts in by_seed.values()]
-
-
-def _row(
-    result: TaskResult, data: str, view: str, method: str, trainings: list[Result[Job]], options: Options
-) -> dict[str, Any]:
-    values = [t.value["accuracy"][t.value["place"]] for t in trainings]
-    return {
-        "data": data, "task": result.task.title, "input": view, "method": method, "seeds": len(values),
-        "accuracy": float(np.mean(values)), "std": std(values), **intervals(values, options.judging.levels, 0.0, 1.0),
-        "balanced": float(np.mean([t.value["balanced_accuracy"][t.value["place"]] for t in trainings])),
-        "recordings_right": float(np.mean([t.value["recordings_right"] for t in trainings])),
-        "recordings": trainings[0].value["recordings"],
-        "oracle": float(np.mean([max(t.value["accuracy"]) for t in trainings])),
-        "source_accuracy": float(np.mean([t.value["source_accuracy"] for t in trainings])),
-    }  # fmt: skip
-
-
-def _yardstick(result: TaskResult, data: str, view: str, method: str, found: Scores | float) -> dict[str, Any]:
-    row = {"data": data, "task": result.task.title, "input": view, "method": method, "seeds": 0}
-    if isinstance(found, float):
-        return row | {"accuracy": found}
-    return row | {
-        "accuracy": found.accuracy, "balanced": found.balanced_accuracy,
-        "recordings_right": float(found.recordings_right), "recordings": found.recordings,
-    }  # fmt: skip
+    judging, every = work.options.judging, trainings(work)
+    for result in work["results"]:
+        task = {"data": work.title, "task": result.task.title}
+        own = every[every["task"] == result.task.title]
+        chosen = own.loc[own.groupby("seed", sort=False)["score"].idxmax()]
+        cells = list(own.groupby(["input", "method"], sort=False))
+        for (view, method), part in [*cells, (("any", f"chosen by {judging.criterion}"), chosen)]:
+            yield {
+                **task, "input": view, "method": method, "seeds": len(part), "accuracy": part["accuracy"].mean(),
+                "std": part["accuracy"].std(), **intervals(part["accuracy"], judging.levels, 0.0, 1.0),
+                "balanced": part["balanced"].mean(), "recordings_right": part["recordings_right"].mean(),
+                "recordings": part["recordings"].iloc[0], "oracle": part["oracle"].mean(),
+                "source_accuracy": part["source_accuracy"].mean(),
+            }  # fmt: skip
+        yield {**task, "input": "-", "method": "majority class", "seeds": 0, "accuracy": result.majority}
+        for where, found in (("", result.analyst), (", whole recordings", result.analyst_whole)):
+            yield {
+                **task, "input": "envelope", "method": f"analyst's rule{where}", "seeds": 0,
+                "accuracy": found.accuracy, "balanced": found.balanced_accuracy,
+                "recordings_right": float(found.recordings_right), "recordings": found.recordings,
+            }  # fmt: skip
 
 
 @as_table
-def confusion(results: Sequence[TaskResult], options: Options, data: str) -> Rows:
+def confusion(work: Work) -> Rows:
     """Windows by true and predicted class, summed over seeds, and those of the analyst's rule."""
-    classes = options.target.classes
-    for result in results:
+    classes = work.options.target.classes
+    for result in work["results"]:
         counts = {
             (view, LABELS[method]): np.sum([t.value["confusion"] for t in trainings], axis=0)
             for (view, method), trainings in result.cells.items()
@@ -90,15 +73,15 @@ def confusion(results: Sequence[TaskResult], options: Options, data: str) -> Row
         counts["envelope", "analyst's rule"] = result.analyst.confusion
         for (view, method), table in counts.items():
             for true, line in zip(classes, table, strict=True):
-                about = {"data": data, "task": result.task.title, "input": view, "method": method, "true": true}
+                about = {"data": work.title, "task": result.task.title, "input": view, "method": method, "true": true}
                 yield about | {f"called {name}": int(n) for name, n in zip(classes, line, strict=True)}
 
 
 @as_table
-def recordings(results: Sequence[TaskResult], options: Options, data: str) -> Rows:
+def recordings(work: Work) -> Rows:
     """What each recording's windows are called, as shares over windows and seeds; by the analyst's rule as well."""
-    classes = options.target.classes
-    for result in results:
+    classes = work.options.target.classes
+    for result in work["results"]:
         groups, conditions = result.measured.evaluate.group, result.task.evaluate.conditions
         called = {
             (view, LABELS[method]): [np.concatenate([t.value["probabilities"][groups == c.group] for t in trainings])
@@ -112,45 +95,37 @@ def recordings(results: Sequence[TaskResult], options: Options, data: str) -> Ro
                 counts = np.bincount(probabilities.argmax(axis=1), minlength=len(classes))
                 shares = zip(classes, counts / counts.sum(), strict=True)
                 yield {
-                    "data": data, "task": result.task.title, "input": view, "method": method,
+                    "data": work.title, "task": result.task.title, "input": view, "method": method,
                     "recording": condition.name, "bearing": condition.extra["bearing_id"], "true": condition.fault,
                     **{f"called {name}": round(float(share), 3) for name, share in shares},
                 }  # fmt: skip
 
 
-@as_table
-def selection(results: Sequence[TaskResult], data: str) -> Rows:
+def selection(work: Work) -> pd.DataFrame:
     """Accuracy by the criterion that chose the checkpoint, mean over seeds; the last and the oracle beside them."""
-    for result in results:
-        for (view, method), trainings in result.cells.items():
-            values = [t.value for t in trainings]
-            yield {
-                "data": data, "task": result.task.title, "input": view, "method": LABELS[method],
-                **{name: np.mean([v["accuracy"][v["chosen"][name]] for v in values]) for name in values[0]["chosen"]},
-                "last checkpoint": np.mean([v["accuracy"][-1] for v in values]),
-                "oracle (target labels)": np.mean([max(v["accuracy"]) for v in values]),
-            }  # fmt: skip
+    cells = trainings(work).groupby(["data", "task", "input", "method"], sort=False)
+    chosen = {f"by {name}": name for name in CRITERIA}
+    found = cells[[*chosen, "last checkpoint", "oracle"]].mean().reset_index()
+    return found.rename(columns=chosen | {"oracle": "oracle (target labels)"})
 
 
 @as_table
-def adaptation(results: Sequence[TaskResult], options: Options, data: str) -> Rows:
+def adaptation(work: Work) -> Rows:
     """What adaptation adds: accuracy of DANN minus that without, paired by seed, mean over tasks, by input;
     ``domain_accuracy`` is the discriminator's in the end (0.5: it can no longer tell)."""
-    for view in dict.fromkeys(view for result in results for view, _ in result.cells):
-        gains, told = [], []
-        for result in results:
-            by_method = {method: trainings for (v, method), trainings in result.cells.items() if v == view}
-            plain, adapted = ([t.value["accuracy"][t.value["place"]] for t in by_method[m]] for m in LABELS)
-            gains.append(np.subtract(adapted, plain))
-            told += [t.value["domain_accuracy"][-1] for t in by_method["dann"]]
-        of_seeds = np.mean(gains, axis=0)
-        row = {"data": data, "input": view, "tasks": len(results), "gain": float(of_seeds.mean())}
-        row |= intervals(of_seeds, options.judging.levels)
-        yield row | {"domain_accuracy": float(np.mean(told))}
+    for view, own in trainings(work).groupby("input", sort=False):
+        pairs = own.pivot(index=["task", "seed"], columns="method", values="accuracy")
+        of_seeds = (pairs[LABELS["dann"]] - pairs[LABELS["source_only"]]).groupby("seed").mean()
+        yield {
+            "data": work.title, "input": view, "tasks": len(work["results"]), "gain": of_seeds.mean(),
+            **intervals(of_seeds, work.options.judging.levels),
+            "domain_accuracy": own.loc[own["method"] == LABELS["dann"], "domain_accuracy"].mean(),
+        }  # fmt: skip
 
 
-def all_figures(work: Work) -> Iterator[tuple[str, Figure]]:
-    yield "spectra", spectra(work["results"][0], work.options, work.title)
+@as_table
+def identification(work: Work) -> Rows:
+    yield from ({"data": work.title, "task": r.task.title, **r.identified} for r in work["results"])
 
 
 def spectra(result: TaskResult, options: Options, data: str) -> Figure:
@@ -195,8 +170,15 @@ STUDY = Study(
     title="a plain network, with and without adaptation, trained on the contact twin",
     options=Options,
     steps=(Step("target", jobs.load), Step("results", jobs.results)),
-    tables=all_tables,
-    figures=all_figures,
+    tables={
+        "accuracy": accuracy,
+        "confusion": confusion,
+        "recordings": recordings,
+        "adaptation": adaptation,
+        "selection": selection,
+        "identification": identification,
+    },
+    figures={"spectra": lambda work: spectra(work["results"][0], work.options, work.title)},
     headlines=("accuracy", "adaptation"),
     columns={"accuracy": ("task", "input", "method", "accuracy", "std", "low_95", "high_95", "oracle")},
 )

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from papers.paper2_digital_twin.live_twin import DriftDetector, false_alarms, run_length, threshold_for
+from papers.paper2_digital_twin.live_twin.drift import DriftDetector, false_alarms, run_length, threshold_for
 from twingap.errors import TwingapError
 
 

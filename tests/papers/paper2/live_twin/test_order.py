@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from papers.paper2_digital_twin.live_twin import OrderOptions, Reorder, Snapshot, StateMessage
+from papers.paper2_digital_twin.live_twin.messages import OrderOptions, Reorder, Snapshot, StateMessage
 from twingap.errors import TwingapError
 
 

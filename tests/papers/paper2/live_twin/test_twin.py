@@ -9,22 +9,12 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from papers.paper2_digital_twin.live_twin import (
-    Band,
-    Laws,
-    LiveOptions,
-    LiveTwin,
-    MachineState,
-    Message,
-    OrderOptions,
-    Snapshot,
-    SpectrumModel,
-    StateMessage,
-    refit,
-    relative_error,
-    spectrum,
-)
-from papers.paper2_digital_twin.live_twin.refit import deviation
+from papers.paper2_digital_twin.live_twin import spectrum
+from papers.paper2_digital_twin.live_twin.laws import Laws
+from papers.paper2_digital_twin.live_twin.messages import Message, OrderOptions, Snapshot, StateMessage
+from papers.paper2_digital_twin.live_twin.refit import deviation, refit, relative_error
+from papers.paper2_digital_twin.live_twin.spectrum import Band, MachineState, SpectrumModel
+from papers.paper2_digital_twin.live_twin.twin import LiveOptions, LiveTwin
 from twingap.bearing import BEARINGS
 from twingap.errors import TwingapError
 from twingap.records import Condition
@@ -150,7 +140,7 @@ def test_damping_follows_temperature_at_once_by_law_and_clearance_too() -> None:
     (update,) = twin.journal.updates
     assert update.kind == "law" and "moved by +40.0 K to 80.0" in update.why
     assert update.before["damping"] == pytest.approx(450.0)
-    assert update.after["damping"] == pytest.approx(450.0 * Laws().damping.factor(80.0, 40.0))
+    assert update.after["damping"] == pytest.approx(450.0 * Laws().damping_factor(80.0))
     assert update.after["clearance_um"] < update.before["clearance_um"] - 1.0
     assert twin.parameters.damping == update.after["damping"]
     still = LiveTwin(BEARING, OWN, FS_HZ, options=replace(OPTIONS, follow_temperature=False))
@@ -159,13 +149,13 @@ def test_damping_follows_temperature_at_once_by_law_and_clearance_too() -> None:
 
 
 def test_warming_up_shows_the_films_share_of_the_damping() -> None:
-    law = replace(Laws().damping, film=0.4)
-    phases = [(replace(OWN, damping=450.0 * law.factor(t, 40.0)), t, 2) for t in (20.0, 34.0, 48.0, 62.0)]
+    law = Laws(film=0.4)
+    phases = [(replace(OWN, damping=450.0 * law.damping_factor(t)), t, 2) for t in (20.0, 34.0, 48.0, 62.0)]
     options = replace(OPTIONS, commissioning=8)
     twin = told(LiveTwin(BEARING, OWN, FS_HZ, options=options), stream(*phases))
     update = next(u for u in twin.journal.updates if u.kind == "commissioning")
-    assert f"film's share of the damping: {twin.model.laws.damping.film:g}" in update.why
-    assert twin.model.laws.damping.film in (0.2, 0.4, 0.6)  # 0.4, or a neighbour among the shares tried
+    assert f"film's share of the damping: {twin.model.laws.film:g}" in update.why
+    assert twin.model.laws.film in (0.2, 0.4, 0.6)  # 0.4, or a neighbour among the shares tried
 
 
 def test_out_of_order_and_repeated_messages_make_the_same_twin(worn: list[Message]) -> None:
