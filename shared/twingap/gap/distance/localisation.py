@@ -234,7 +234,7 @@ class _SignificantPlaces:
             for run in _runs(significant, axis.kind):
                 lo, hi = float(axis.lo[run[0]]), float(axis.hi[run[-1]])
                 if domain == "time" and len(run) > 1 and (lo, hi) == (axis.lo[0], axis.hi.max()):
-                    place = self._place(domain, None, None, "", first + run)  # a level, at no time in particular
+                    place = self._place(domain, None, None, "", first + run)  # at no time in particular
                 else:
                     place = self._place(domain, lo, hi, axis.unit, first + run)
                 key = (domain, place.lo, place.hi, str(place.condition))

@@ -26,9 +26,6 @@ _IMPROBABLE: Final = 0.1
 """Probability below which an effect is not advised to be decided. A smaller value asks for more measurements."""
 _PERFECT: Final = 0.99
 """Accuracy of a classifier that no twin can improve."""
-_LEVEL_ADVICE: Final = (
-    "Records are louder or quieter than the twin throughout: check sensitivity, gain and unit of the channel."
-)
 _THROUGHOUT_ADVICE: Final = (
     "Throughout the records single impacts or bursts stand out more, or less, than in the twin: look at the waveforms."
 )
@@ -85,15 +82,16 @@ def next_steps(report: GapReport) -> tuple[str, ...]:
     if verdict.status in ("unexplained", "partly_explained"):
         left = report.rest or report.places
         subject = "rest" if verdict.effects else "gap"
-        for kind in dict.fromkeys(_kind(p) for p in left[:6]):
-            own = [p for p in left if _kind(p) == kind]
-            at = "; ".join(place_words(p) for p in own[:3])
-            domain, level, twin_higher = kind
-            lies = f"The {subject} lies in {'' if level else DOMAIN[domain].phrase + ': '}{at}."
-            advice = _LEVEL_ADVICE if level else DOMAIN[domain].advice
-            if domain == "time" and _throughout(report, own):
-                advice = _THROUGHOUT_ADVICE
-            steps.append(f"{lies} {_twin_has_more(report, own) if twin_higher else advice}")
+        kinds = [_kind(report, place) for place in left]
+        for kind in dict.fromkeys(kinds[:6]):
+            own = [place for place, its in zip(left, kinds, strict=True) if its == kind]
+            at = "; ".join(dict.fromkeys(place_words(p) for p in own[:3]))
+            domain, throughout, twin_higher = kind
+            advice = _THROUGHOUT_ADVICE if throughout else DOMAIN[domain].advice
+            steps.append(
+                f"The {subject} lies in {DOMAIN[domain].phrase}: {at}. "
+                f"{_twin_has_more(report, own) if twin_higher else advice}"
+            )
         steps.append(_closest(report))
         steps.append(
             "Once you have a suspicion, write it as an effect of your own (a short class, see `twingap.effects`) and "
@@ -103,18 +101,21 @@ def next_steps(report: GapReport) -> tuple[str, ...]:
     return tuple(without_what_is_there(step, had) for step in steps)
 
 
-def _throughout(report: GapReport, places: Iterable[Place]) -> bool:
-    """Whether places in time cover whole records, as single impacts and bursts do."""
+def _kind(report: GapReport, place: Place) -> tuple[DomainName, bool, bool]:
+    """Places that get one advice: domain, whether it covers whole records, whether the twin has more there."""
+    throughout = place.domain == "time" and _throughout(report, place)
+    return place.domain, throughout, place.sign == "twin_higher" and not throughout
+
+
+def _throughout(report: GapReport, place: Place) -> bool:
+    """Whether a place in time covers whole records, as single impacts and bursts do."""
     curve = report.curves.get("time")
+    if place.lo is None or place.hi is None:
+        return True
     if curve is None or len(curve.x) < 2:
         return False
     first, *_, last = (float(x) for x in curve.x)
-    return all(p.lo is not None and p.hi is not None and p.lo <= first and p.hi >= last for p in places)
-
-
-def _kind(place: Place) -> tuple[DomainName, bool, bool]:
-    """Places that get one advice: domain, whether it is a level, whether the twin has more there."""
-    return place.domain, place.domain == "time" and place.lo is None, place.sign == "twin_higher"
+    return place.lo <= first and place.hi >= last
 
 
 def _add(report: GapReport, added: Iterable[Candidate]) -> str:
@@ -313,7 +314,7 @@ def place_words(place: Place) -> str:
     """A place in words: "2150 to 2870 Hz (inner)"."""
     if place.domain == "time" and place.lo is None and place.hi is None:
         named = condition_words(place.condition)
-        return "the level of the whole record" + (f" ({named})" if named else "")
+        return "throughout the record" + (f" ({named})" if named else "")
     unit = "" if place.unit in ("", "1") else f" {place.unit}"
     # Of frequencies beyond 10 kHz four digits would be written with an exponent.
     lo, hi = (None if v is None else f"{v:.0f}" if 1e4 <= v < 1e7 else f"{v:.4g}" for v in (place.lo, place.hi))

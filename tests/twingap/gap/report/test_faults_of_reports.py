@@ -93,7 +93,7 @@ def test_a_p_value_at_its_floor_is_a_bound(make_report: MakeReport, p_value: flo
 
 
 def test_a_level_that_differs_throughout_is_called_a_level() -> None:
-    assert place_words(Place("time", None, None, "", 0.32, 0.001)) == "the level of the whole record"
+    assert place_words(Place("time", None, None, "", 0.32, 0.001)) == "throughout the record"
     assert place_words(Place("time", 0.0, 0.25, "s", 0.32, 0.001)) == "0 to 0.25 s"
 
 
