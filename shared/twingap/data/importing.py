@@ -30,6 +30,8 @@ Array = NDArray[np.float64]
 _TIME: Final = re.compile(
     r"\W*(time|zeit|temps|tiempo|t|x_value|x-value|timestamp|datetime|seconds?|elapsed time)(?![^\W_]).*", re.IGNORECASE
 )
+_RATE: Final = re.compile(r"(.*[./])?(f_?s|sampl(e|es|ing)?_?(rate|freq|frequency))(_hz)?", re.IGNORECASE)
+"""Names of single numbers that state a sampling rate, as in MATLAB and NumPy files."""
 _TACHO: Final = re.compile(r"\W*(tacho|keyphasor|key phasor|tach|once.per.(rev|turn))", re.IGNORECASE)
 _SPEED_UNITS: Final = ("rpm", "1/min", "r/min", "rev/min", "u/min", "min-1", "min^-1", "/min")
 _OF_NAME: Final = {"mps2": "m/s2", "ms2": "m/s2", "m_s2": "m/s2"}
@@ -296,12 +298,19 @@ def _time_axis(file: SampleFile) -> Channel | None:
     return next((c for c in file.channels if _TIME.fullmatch(c.name) and c.n_samples > 2), None)
 
 
+def _rate_numbers(file: SampleFile) -> list[tuple[float, str]]:
+    """The number in a file with named arrays that states its sampling rate, Hz, and its name; none of several."""
+    named = [c for c in file.channels if file.keyed and c.n_samples == 1 and c.problem is None]
+    rates = [(float(c.load()[0]), f"number {c.name!r}") for c in named if _RATE.fullmatch(c.name)]
+    return rates[:1] if len({rate for rate, _ in rates}) == 1 and rates[0][0] > 0 else []
+
+
 def _rate(
     file: SampleFile, time: Channel | None, options: ImportOptions, facts: dict[str, Any], notes: list[str]
 ) -> tuple[float, str]:
     """Sampling rate and where it comes from; what the file states must agree with what is given."""
     given = facts.pop("fs_hz", options.fs_hz)
-    sources = [(given, "--fs-hz"), (file.fs_hz, "the file")]
+    sources = [(given, "--fs-hz"), (file.fs_hz, "the file"), *_rate_numbers(file)]
     if time is not None and (rate := _rate_of(time, notes)) is not None:
         sources.append((rate, f"channel {time.name!r}"))
     known = [(float(rate), source) for rate, source in sources if rate is not None]

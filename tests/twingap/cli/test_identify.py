@@ -59,6 +59,16 @@ def test_it_writes_the_twin_and_its_figure(twingap: Run, twin: Path, records: Pa
     assert spec.identified is not None and spec.identified.unit == "g" and len(spec.identified.records_sha256) == 64
 
 
+def test_a_twin_of_another_bearing_is_noted(twingap: Run, twin: Path, records: Path, tmp_path: Path) -> None:
+    other = '\n[bearing]\nname = "other"\nn_rollers = 12\nroller_diameter_mm = 7.5\npitch_diameter_mm = 38.5\n'
+    twin.write_text(twin.read_text(encoding="utf-8") + other, encoding="utf-8")
+    said = twingap(twin, records, "--out", tmp_path / "found.toml")
+    assert said.status == 0, said.err
+    assert "bearing (12 rollers of 7.5 on 38.5 mm) is not that of the records (9 of 7.94 on 39.04 mm)" in " ".join(
+        said.out.split()
+    )
+
+
 def test_same_input_same_bytes_and_json(twingap: Run, twin: Path, records: Path, tmp_path: Path) -> None:
     first = twingap(twin, records, "--out", tmp_path / "a.toml", "--figures", tmp_path / "f", "--json")
     again = twingap(twin, records, "--out", tmp_path / "b.toml", "--figures", tmp_path / "f", "--json")

@@ -129,6 +129,18 @@ def test_channels_of_one_file_share_a_group(twingap: Run, tmp_path: Path) -> Non
     np.testing.assert_array_equal(records[1].samples, -X)
 
 
+def test_a_number_in_a_file_of_named_arrays_states_the_rate(twingap: Run, tmp_path: Path) -> None:
+    np.savez(tmp_path / "a.npz", acc=X, fs=12000)
+    savemat(tmp_path / "b.mat", {"acc": X, "Sampling_Rate": 12000.0, "rpm": 1800.0})
+    said = twingap(tmp_path / "a.npz", tmp_path / "b.mat", "--speed-rpm", 1800, "--out", tmp_path / "set")
+    assert said.status == 0, said.err
+    assert {c.fs_hz for c in read_record_set(tmp_path / "set").conditions} == {12000.0}
+    wrong = twingap(tmp_path / "a.npz", "--fs-hz", 9000, "--speed-rpm", 1800, "--out", tmp_path / "x")
+    refused(wrong, "--fs-hz gives 9000 Hz but number 'fs' 12000 Hz")
+    np.savez(tmp_path / "c.npz", acc=X, fs=12000, sample_rate=50.0)  # one of them is of something else
+    refused(twingap(tmp_path / "c.npz", "--speed-rpm", 1800, "--out", tmp_path / "x"), "states no sampling rate")
+
+
 def test_units_that_differ_are_converted(twingap: Run, tmp_path: Path) -> None:
     files = [export(tmp_path / "a.csv", "g"), export(tmp_path / "b.csv", "m/s²")]
     said = twingap(*files, "--speed-rpm", 1800, "--out", tmp_path / "set")

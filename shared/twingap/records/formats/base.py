@@ -122,7 +122,7 @@ def array_entries(name: str, shape: Iterable[int], problem: str | None) -> tuple
     if size > MOST_SAMPLES:
         what = f"states {size} values, at most {MOST_SAMPLES} are read"
         return [Entry(shown, size, what, "cut it into shorter records")], None
-    if shape and sum(n != 1 for n in shape) <= 1:
+    if (shape or name) and sum(n != 1 for n in shape) <= 1:  # without a shape: a single number beside arrays
         return [Entry(shown, size)], None
     if len(shape) != 2 or not size:
         return [Entry(shown, size if len(shape) > 1 else 0, f"has shape {shape}, one vector expected")], None
