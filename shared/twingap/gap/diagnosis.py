@@ -117,6 +117,10 @@ class Diagnosis:
                 write_records(place, label, records.unit, bearing, None, sets[name]())
             return (*write_report(self.report, folder), *further)
 
+    def __str__(self) -> str:
+        """The verdict, and what the closest twin closes."""
+        return str(self.report)
+
     def _repr_html_(self) -> str:
         """The report's verdict and effects, for notebooks."""
         return self.report._repr_html_()

@@ -468,6 +468,10 @@ class GapReport:
         )
         return _frame(rows, columns)
 
+    def __str__(self) -> str:
+        """The verdict, and what the closest twin closes."""
+        return "\n".join(filter(None, (self.sentence, self.closest_sentence)))
+
     def _repr_html_(self) -> str:
         """The verdict, and the named effects with closures and values, for notebooks."""
         columns = ("effect", "probability", "closes (90 % interval)", "values")

@@ -293,6 +293,12 @@ def test_the_sentence_says_what_how_far_and_how_sure(make_report: MakeReport, st
         assert part in sentence
 
 
+def test_a_printed_report_is_its_sentences(make_report: MakeReport) -> None:
+    report = make_report("explained")
+    assert str(report) == "\n".join(filter(None, (report.sentence, report.closest_sentence)))
+    assert "\n" not in str(dataclasses.replace(report, closest=ClosestTwin()))
+
+
 def test_what_closes_is_said_by_group_and_what_is_not_shown_is_left_out() -> None:
     said = CLOSEST.sentence
     assert said.startswith(
