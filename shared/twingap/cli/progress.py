@@ -99,7 +99,7 @@ class _Lines(Progress):
 
     def _print_at_intervals(self) -> None:
         while not self.finished.wait(self.every_s):
-            after = f"after {_duration(time.monotonic() - self.started)}"
+            after = f"{_duration(time.monotonic() - self.started)} since the start"
             known = ", ".join(word for word in (self.percent(), self.now, after) if word)
             _print(f"{self.what}: {known}")
 
