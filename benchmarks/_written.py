@@ -26,6 +26,8 @@ $ twingap bench vmd --out benchmarks
 
 The folder gets this page, the chart and `bench.json`; a benchmark that is run again replaces its former result.
 """
+_LONGEST: Final = 100.0
+"""Ratio at which bars of the chart end; a larger one leaves less room for those near 1."""
 
 Report = Mapping[str, Any]
 
@@ -116,13 +118,18 @@ def draw(reports: Sequence[Report], path: Path) -> None:
     with rc_context({"svg.fonttype": "none", "svg.hashsalt": "twingap", "font.size": 9}):
         figure = Figure(figsize=(10, 0.26 * len(shown) + 1), layout="constrained")
         axes = figure.add_subplot()
-        for place, (_, ratio, met) in enumerate(shown):
-            axes.barh(place, ratio - 1, left=1, height=0.6, color="#0072b2" if met else "#d55e00")
-        axes.axvline(1, color="black", linewidth=1)
+        least = min([0.5, *(0.7 * ratio for _, ratio, _ in shown if ratio > 0)])
         axes.set_xscale("log")
+        axes.set_xlim(least, _LONGEST)
+        for place, (_, ratio, met) in enumerate(shown):
+            end = min(max(ratio, least), _LONGEST)
+            look = {"color": "#0072b2"} if met else {"color": "#d55e00", "hatch": "//", "edgecolor": "white"}
+            axes.barh(place, end - 1, left=1, height=0.6, **look)
+            axes.text(max(end, 1), place, f" {ratio:.3g}", va="center", fontsize=7, clip_on=False)
+        axes.axvline(1, color="black", linewidth=1)
         axes.set_yticks(range(len(shown)), [name if len(name) < 90 else f"{name[:87]}..." for name, *_ in shown])
         axes.set_ylim(len(shown) - 0.4, -0.6)
-        axes.set_xlabel("measured over promised (line: 1)")
+        axes.set_xlabel(f"measured over promised (line: 1; hatched: missed; bars end at {_LONGEST:g})")
         axes.spines[["top", "right"]].set_visible(False)
         with replacing(path) as temporary:
             figure.savefig(temporary, format="svg", metadata={"Date": None})
