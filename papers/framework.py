@@ -6,7 +6,8 @@ data root, seed, backend ----------+      (jobs: sweep, keys by `imports`)
 
 A study is a folder with ``config.toml``, ``jobs.py``, ``tables.py``, ``figures.py``, and ``study.py``, which holds its
 `Study` under the name ``STUDY``. The functions that workers run are in ``jobs.py``, which imports neither tables nor
-figures: the keys of stored results change with the code that makes results, and with nothing else.
+figures: the keys of stored results change with the code that makes results, and with nothing else. This module makes
+none.
 """
 
 from __future__ import annotations

@@ -1,1 +1,1 @@
-"""Paper 1: remaining life under varying speed, from simulated run-to-failure records; source and drawing: README.md."""
+"""Paper 1: remaining life under varying speed, from simulated run-to-failure records (see README.md)."""

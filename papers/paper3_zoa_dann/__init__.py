@@ -1,1 +1,1 @@
-"""Paper 3: contact twin, identification, adversarial adaptation; source and drawing: README.md."""
+"""Paper 3: contact twin, identification, adversarial adaptation (see README.md)."""

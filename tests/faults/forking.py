@@ -60,7 +60,10 @@ def _watch(kill_at: int | None, watch_network: bool, note: int) -> Callable[[], 
 
 
 def _child(asked: dict[str, Any], out: int, err: int, note: int, begins: int) -> None:
-    """Run one command, after its function `prepare` (as module:function), and close `begins` before; never returns."""
+    """Run one command, after its function `prepare` (as module:function); never returns.
+
+    `begins`, the end of a pipe, is closed when the command begins.
+    """
     status, changes = 99, lambda: 0
     try:
         os.setsid()

@@ -15,10 +15,10 @@ LAYERS = (
     ("errors", "streams", "_compiled", "trees"),
     ("files", "bearing", "provenance", "config"),
     ("records", "track"),
-    ("signal", "sweep", "effects", "data", "rigs", "prognosis"),
+    ("signal", "sweep", "effects", "data", "rigs"),
     ("twins",),
     ("identification",),
-    ("gap", "adapt"),
+    ("gap", "adapt", "prognosis"),
     ("study", "fleet"),
     ("cli",),
 )

@@ -42,7 +42,7 @@ def demo(
     from twingap.rigs.worlds import make_world
 
     with progress("simulating the machine") as shown:
-        world = make_world(_case(seed), seed)
+        world = make_world(demo_case(seed), seed)
         with replacing_folder(out) as folder:
             write_record_set(world.records, folder / "records")
             (folder / "twin.toml").write_text(to_toml(world.twin), encoding="utf-8")
@@ -62,7 +62,7 @@ def demo(
     wrote(*paths, out / "truth.json", as_json=as_json)
 
 
-def _case(seed: int) -> Case:
+def demo_case(seed: int) -> Case:
     """Two effects, drawn by the seed, on a machine with all faults."""
     from twingap.rigs.worlds import Case
 

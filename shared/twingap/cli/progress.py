@@ -99,8 +99,8 @@ class _Lines(Progress):
 
     def _print_at_intervals(self) -> None:
         while not self.finished.wait(self.every_s):
-            after = f"{_duration(time.monotonic() - self.started)} since the start"
-            known = ", ".join(word for word in (self.percent(), self.now, after) if word)
+            elapsed = f"{_duration(time.monotonic() - self.started)} since the start"
+            known = ", ".join(word for word in (self.percent(), self.now, elapsed) if word)
             _print(f"{self.what}: {known}")
 
 

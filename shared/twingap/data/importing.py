@@ -299,7 +299,7 @@ def _time_axis(file: SampleFile) -> Channel | None:
 
 
 def _rate_numbers(file: SampleFile) -> list[tuple[float, str]]:
-    """The number in a file with named arrays that states its sampling rate, Hz, and its name; none of several."""
+    """Sampling rate, Hz, of a number in a file with named arrays, and what states it; empty where rates differ."""
     named = [c for c in file.channels if file.keyed and c.n_samples == 1 and c.problem is None]
     rates = [(float(c.load()[0]), f"number {c.name!r}") for c in named if _RATE.fullmatch(c.name)]
     return rates[:1] if len({rate for rate, _ in rates}) == 1 and rates[0][0] > 0 else []

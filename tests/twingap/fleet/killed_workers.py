@@ -18,7 +18,7 @@ from typing import Any
 
 import psutil
 
-from twingap.cli.demo import _case
+from twingap.cli.demo import demo_case
 from twingap.config import to_toml
 from twingap.records.folder import write_record_set
 from twingap.rigs.worlds import make_world
@@ -29,7 +29,7 @@ def main(machines: int, every_s: float) -> bool:
     with TemporaryDirectory() as folder:
         top = Path(folder)
         for seed in range(100, 100 + machines):
-            world = make_world(_case(seed), seed)
+            world = make_world(demo_case(seed), seed)
             write_record_set(world.records, top / "fleet" / f"m{seed}")
         (top / "twin.toml").write_text(to_toml(world.twin), encoding="utf-8")
         killed = _killed(_command(top, "disturbed", "--backend", "dask"), every_s)

@@ -88,12 +88,15 @@ class Verdict:
     @property
     def sentence(self) -> str:
         """One sentence: the missing effects, the closure when they are added, and the certainty."""
+        return self.sentence_with("it" if len(self.effects) == 1 else "them")
+
+    def sentence_with(self, it: str) -> str:
+        """The sentence, where `it` are the effects that can be added."""
         p = self.p_words
         if self.status == "no_gap":
             return f"After calibration these records and the twin cannot be distinguished ({p})."
         if self.status == "unexplained":
             return f"The twin differs from the records ({p}), and no effect of the catalogue can be named as the cause."
-        it = "it" if len(self.effects) == 1 else "them"
         closes = f"how far adding {it} would shrink the gap could not be measured"
         if self.closure is not None:
             closes = f"adding {it} closes {_percent(self.closure)} of the gap"
@@ -422,13 +425,10 @@ class GapReport:
         if verdict.effects and verdict.closure is None and self.metrics:
             first = self.metrics[0]
             verdict = replace(verdict, closure=first.closure if first.after != first.before else None)
-        left_out = [c.effect for c in self.candidates if c.acts is not None and c.effect in verdict.effects]
+        left_out = {c.effect for c in self.candidates if c.acts is not None}
         added = [name for name in verdict.effects if name not in left_out]
-        if not left_out or not added:
-            return verdict.sentence
         # What cannot be added to finished waveforms closes nothing.
-        adding = "adding it" if len(verdict.effects) == 1 else "adding them"
-        return verdict.sentence.replace(adding, f"adding {listed(added)}", 1)
+        return verdict.sentence_with(listed(added)) if 0 < len(added) < len(verdict.effects) else verdict.sentence
 
     @property
     def closest_sentence(self) -> str:
