@@ -6,6 +6,7 @@ import ast
 import importlib
 import json
 import os
+import re
 import sqlite3
 import subprocess
 import sys
@@ -98,7 +99,12 @@ def test_json_is_valid_in_any_alphabet_and_strict_fails_on_a_miss(fake: Path) ->
     assert {key: written[key] for key in report} == report
     page = (fake / "to" / "benchmarks.md").read_text(encoding="utf-8")
     assert "| ours ü \\[red] | 1.25 |  |" in page and "| agreement | 0.5 | 1 | no |" in page
-    assert "fake: agreement" in (fake / "to" / "benchmarks.svg").read_text(encoding="utf-8")
+    chart = (fake / "to" / "benchmarks.svg").read_text(encoding="utf-8")
+    assert "fake: agreement" in chart and "> 0.5<" in chart
+    # The bar of what was missed, hatched, has a width.
+    (path,) = re.findall(r'<path d="([^"]*)"[^>]*fill: url', chart)
+    places = [float(x) for x in re.findall(r"[ML] ([\d.]+)", path)]
+    assert max(places) - min(places) > 10
     shown = bench(fake, "fake", "--no-track", PYTHONIOENCODING="ascii", LANG="C")
     assert shown.returncode == 0 and "ours \\xfc [red]" in shown.stdout
 
