@@ -15,7 +15,7 @@ from papers.paper1_rul_varying_speed.methods.architecture import architecture_of
 
 def target(work: Work) -> Target:
     def made(what: str, fraction: float) -> None:
-        work.progress(f"virtual rig, {what}: {100 * fraction:.0f} %", 0, 1)
+        work.progress(f"virtual rig, {what}", round(100 * fraction), 100)
 
     found = load_target(work.options.target, work.root, work.size.bearings, made)
     work.title = found.title
