@@ -123,8 +123,9 @@ def draw(reports: Sequence[Report], path: Path) -> None:
         axes.set_xlim(least, _LONGEST)
         for place, (_, ratio, met) in enumerate(shown):
             end = min(max(ratio, least), _LONGEST)
-            look = {"color": "#0072b2"} if met else {"color": "#d55e00", "hatch": "//", "edgecolor": "white"}
-            axes.barh(place, end - 1, left=1, height=0.6, **look)
+            bars = axes.barh(place, end - 1, left=1, height=0.6, color="#0072b2" if met else "#d55e00")
+            if not met:
+                bars[0].set(hatch="//", edgecolor="white")
             axes.text(max(end, 1), place, f" {ratio:.3g}", va="center", fontsize=7, clip_on=False)
         axes.axvline(1, color="black", linewidth=1)
         axes.set_yticks(range(len(shown)), [name if len(name) < 90 else f"{name[:87]}..." for name, *_ in shown])
