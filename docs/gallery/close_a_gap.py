@@ -2,8 +2,8 @@
 Close a gap
 ===========
 
-Knowing what a twin lacks is worth something when it is added. This tutorial adds what a diagnosis names, until nothing
-more closes, and uses the twin that comes out: the closest one.
+Knowing what a twin lacks is useful once it is added. This tutorial adds the effects that a diagnosis names until no
+further one closes anything, and uses the resulting closest twin.
 """
 
 # %%
@@ -36,8 +36,8 @@ twin = TwinSpec("phenomenological", bearing=bearing)
 # Close it
 # --------
 #
-# ``close`` diagnoses, adds the named effects at the values found, and diagnoses again, until a diagnosis names nothing
-# more that closes. The last diagnosis looks for the :term:`closest twin` too.
+# ``close`` diagnoses, adds the named effects at the values found, and diagnoses again, until a diagnosis names no further
+# effect that closes anything. The last diagnosis looks for the :term:`closest twin` too.
 
 way = twingap.close(records, twin, seed=0)
 print(way.sentence)
@@ -56,7 +56,7 @@ assert set(machine.effects) <= set(way.twin.effects)
 # The closest twin
 # ----------------
 #
-# It has the named effects, and whatever else brings it closer; nothing, where the last diagnosis finds no gap. Compare the
+# It has the named effects, and whatever else brings it closer (nothing, if the last diagnosis finds no gap). Compare the
 # values of the named effects with those of the machine, which are the defaults of the
 # :doc:`catalogue </reference/catalogue>`.
 
@@ -71,8 +71,8 @@ for name in machine.effects:
     )
 
 # %%
-# It simulates what the machine was never measured at: another speed, another fault. Here the machine is asked too, to
-# compare.
+# It simulates conditions that were never measured: another speed, another fault. Here the machine is simulated too, for
+# comparison.
 
 asked = [
     Condition(
@@ -104,8 +104,8 @@ plt.show()
 # From one diagnosis
 # ------------------
 #
-# Every diagnosis finds a closest twin, of the twin as it is given. Records of real machines differ from a twin in many ways
-# at once, so there it has many effects, and the search takes minutes::
+# Every diagnosis looks for a closest twin, starting from the given one. Records of real machines differ from a twin in
+# many ways at once, so there it has many effects, and the search takes minutes::
 #
 #     found = twingap.diagnose(records, twin)
 #     print(found.report.closest.sentence)  # what it closes, and which groups of effects close it

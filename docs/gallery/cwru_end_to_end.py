@@ -17,9 +17,9 @@ compared with the phenomenological twin.
 # Records
 # -------
 #
-# A data set is read by its name. Taken are the recordings of a healthy bearing and of the smallest faults of its races
-# at two motor loads, and two pieces of half a second of each. Pieces of one recording share a group, so that they never
-# stand on both sides of a split.
+# A data set is read by its name. This page uses recordings of a healthy bearing and of the smallest faults of its races
+# at two motor loads, two pieces of half a second from each. Pieces of one recording share a group, so that a split never
+# separates them.
 
 import matplotlib.pyplot as plt
 
@@ -44,7 +44,7 @@ records.table[["record", "fault", "speed_rpm", "fs_hz", "group"]].head()
 # --------------------------
 #
 # The twin file states what is modelled. What it leaves out is identified from the records, with intervals where there
-# are recordings enough to tell.
+# are enough recordings.
 
 twin = TwinSpec("phenomenological")
 identified = twingap.identify(records, twin, seed=0)
@@ -60,7 +60,7 @@ for name, estimate in identified.estimates.items():
 # The diagnosis
 # -------------
 #
-# ``diagnose`` calibrates by itself, on a part of the records, so it is given the twin as it was. A quick diagnosis leaves
+# ``diagnose`` calibrates by itself, on a part of the records, so it takes the original twin. A quick diagnosis leaves
 # out the :term:`closest twin`.
 
 found = twingap.diagnose(records, twin, seed=0, quick=True)
@@ -68,8 +68,8 @@ print(found.report.sentence)
 
 # %%
 # Six seconds of six recordings are enough to show that there is a gap, and where it lies. They are not enough to tell
-# what causes it: real machines have much that no effect was written for, and many explanations fit. More recordings
-# tell more and take minutes, so they are left out here::
+# what causes it: real machines have much that no effect describes, and many explanations fit. A diagnosis of more
+# recordings is more conclusive but takes minutes, so it is left out here::
 #
 #     recordings = where(load("cwru"), ["load_hp=2"])  # from twingap.data
 #     found = twingap.diagnose(cut(recordings, duration_s=1.0), twin)
@@ -101,8 +101,8 @@ plt.show()
 # Fault classes without labels
 # ----------------------------
 #
-# A classifier that has seen simulated machines only reads lines at the bearing's orders and levels. Faults of the
-# records are dropped before anything else is done.
+# The classifier was trained on simulated machines only; it uses lines at the bearing's orders, and levels. The faults of
+# the records are dropped first.
 
 predictions = twingap.classify(recordings, twin)
 for name, predicted, confidence in zip(

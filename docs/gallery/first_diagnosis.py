@@ -2,7 +2,7 @@
 First diagnosis
 ===============
 
-A simulation of a machine is never the machine. This page compares records of a machine with a simulation of it, a
+A simulation never behaves exactly like the machine. This page compares records of a machine with a simulation of it, a
 :term:`twin`, and finds out what the twin lacks. The machine is simulated too, so that the truth is known and can be
 compared with what is found.
 """

@@ -30,8 +30,9 @@ written = found.write(tempfile.mkdtemp())
 # The headline
 # ------------
 #
-# The first sentence is the verdict: what is missing, how much of the gap it closes, whether a rest remains, how many
-# other explanations there are, and :term:`p`, the probability of records as different as these if there were no gap.
+# The first sentence is the verdict: what is missing, how much of the gap it closes, whether a :term:`rest` remains,
+# how many other explanations there are, and :term:`p`, the probability of records as different as these if there were no
+# gap.
 
 report = found.report
 print(report.verdict.status)
@@ -43,8 +44,8 @@ print(report.sentence)
 # ``no_gap``
 #     Records and calibrated twin cannot be told apart.
 # ``explained``
-#     Nothing points to a further effect: what the named ones leave is at most a tenth of the gap, or no more than real
-#     records leave, or no more than values that are a little off leave.
+#     Nothing points to a further effect: the named ones leave at most a tenth of the gap, or no more than real records
+#     leave, or no more than slightly wrong values leave.
 # ``partly_explained``
 #     They leave more.
 # ``unexplained``
@@ -53,7 +54,7 @@ print(report.sentence)
 # Where the gap lies
 # ------------------
 #
-# Every place is significant; all of them together are wrong with a probability of 5 % at most. The :term:`share` is the
+# Every place is significant; the probability that any of them is wrong is at most 5 %. The :term:`share` is the
 # part of the whole gap that lies there. Frequencies are in Hz of the raw spectrum, orders are multiples of shaft speed.
 
 report.where[["domain", "lo", "hi", "unit", "share", "p_value"]].head(5).round(3)
@@ -62,9 +63,9 @@ report.where[["domain", "lo", "hi", "unit", "share", "p_value"]].head(5).round(3
 # Which effect is missing
 # -----------------------
 #
-# ``probability`` says that the machine has the effect and the twin lacks it. ``closure`` says what the effect closes
-# beside the verdict's other ones, on records that were not used to fit it. The two differ: an effect may be there
-# without doubt and close little.
+# ``probability`` is that of the machine having the effect and the twin lacking it. ``closure`` is what the effect closes
+# in addition to the verdict's other ones, on records that were not used to fit it. The two differ: an effect may be
+# certain and close little.
 
 report.which[["effect", "probability", "closure", "closure_lo", "closure_hi"]].head(
     5
@@ -87,8 +88,8 @@ assert report.verdict.effects == ("mains_interference",)
 # The confidence set
 # ------------------
 #
-# The data may not tell two explanations apart. The confidence set lists all sets of effects that fit; the true one is
-# in it nine times of ten. An empty set in it means that no effect at all fits too.
+# The data may not distinguish two explanations. The confidence set lists all sets of effects that fit; the true one is
+# in it nine times of ten. An empty set in it means that the data also fit without any effect.
 
 for effects in report.verdict.confidence_set[:4]:
     print(effects)
@@ -107,13 +108,13 @@ for share in report.closest.attribution:
     print(f"{share.group}: {share.share:.2f}, p {share.p_value:.2g} ({members})")
 
 # %%
-# Its effects are no claims about the machine. :doc:`/explanation/how-a-diagnosis-works` explains how they are found.
+# Its effects are not claims about the machine. :doc:`/explanation/how-a-diagnosis-works` explains how they are found.
 # ``closest.toml``, written beside the report, is a :doc:`twin file </reference/twin-file>`.
 #
 # What it does not say
 # --------------------
 #
-# Closures speak of the records at hand, and of a twin calibrated on them. A place without a name is a difference that
+# Closures hold for these records, and for a twin calibrated on them. A place without a name is a difference that
 # no named effect explains; :doc:`/explanation/limits` says what else to keep in mind.
 
 # sphinx_gallery_thumbnail_path = 'images/report.png'

@@ -21,7 +21,7 @@ def bench(
     strict: Annotated[bool, typer.Option("--strict", help="Exit 1 when a target is missed.")] = False,
     out: Annotated[
         Path | None,
-        typer.Option("--out", metavar="DIR", help="Folder of a page, a chart and bench.json; others' results stay."),
+        typer.Option("--out", metavar="DIR", help="Folder of a page, a chart and bench.json; keeps other results."),
     ] = None,
     track: Annotated[bool, typer.Option(help="Log the table and the targets as a run.")] = True,
     tracking_uri: TrackingUri = None,

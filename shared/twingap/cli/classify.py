@@ -33,7 +33,7 @@ def classify(
         bool,
         typer.Option(
             "--match/--no-match",
-            help="Read true speeds off the records, for a network also free parameters.",
+            help="Estimate true speeds from the records; for a network, free parameters too.",
         ),
     ] = True,
     effects: Effects = None,

@@ -21,9 +21,9 @@ def close(
     seed: Seed = 0,
     as_json: Json = False,
 ) -> None:
-    """Diagnose, add what is named, and diagnose again until nothing more closes.
+    """Diagnose, add the named effects, and diagnose again until no further effect closes anything.
 
-    TWIN2.toml is the closest twin of the last diagnosis. Beside it a folder TWIN2_gap holds its report: what is left.
+    TWIN2.toml is the closest twin of the last diagnosis. Beside it, the folder TWIN2_gap has its report: what remains.
     """
     from twingap.files import replacing, try_outputs
     from twingap.records.folder import read_record_set

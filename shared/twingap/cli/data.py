@@ -39,8 +39,8 @@ def list_sets(
 ) -> None:
     """List the data sets: licence, size, source, files present and verified; with NAME, its whole data card.
 
-    A card states channels, units, rates, recordings, bearing and fault orders, loads, labels, what to beware of, and
-    the commands that the set suits.
+    A card states channels, units, rates, recordings, bearing and fault orders, loads, labels, pitfalls, and the
+    commands that the set suits.
     """
     from twingap.data import card_of, data_root, manifest_names, manifest_of
 

@@ -48,8 +48,8 @@ def fleet(
     """Diagnose every record set below a folder, and report the fleet on one page.
 
     Each machine has its own report in DIR, at the path of its record set. Machines that DIR holds already, with the
-    same records, twin and settings, are not diagnosed again. A record set that cannot be diagnosed is a row that says
-    why. Workers of a cluster must see FOLDER at the same path.
+    same records, twin and settings, are not diagnosed again. A record set that cannot be diagnosed has a row with
+    the reason. Workers of a cluster must see FOLDER at the same path.
     """
     from twingap.files import try_outputs
     from twingap.twins.twin_file import read_twin

@@ -30,7 +30,7 @@ def identify(
     seed: Seed = 0,
     as_json: Json = False,
 ) -> None:
-    """Identify the twin's free parameters from records, with intervals and the fit's figures."""
+    """Identify the twin's free parameters from records, with intervals and figures of the fit."""
     from dataclasses import replace
 
     from twingap.errors import TwingapError

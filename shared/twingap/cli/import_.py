@@ -67,7 +67,7 @@ def import_(
         ),
     ] = None,
     tacho_channel: Annotated[str | None, typer.Option(help="Channel that holds the pulses of a tacho.")] = None,
-    pulses_per_turn: Annotated[int, typer.Option(help="Of the tacho.", min=1)] = 1,
+    pulses_per_turn: Annotated[int, typer.Option(help="Pulses of the tacho per shaft turn.", min=1)] = 1,
     fault: Annotated[
         str | None, typer.Option(help="Fault of all records: healthy, inner, outer, ball or cage.")
     ] = None,
@@ -85,10 +85,10 @@ def import_(
     seed: AnySeed = 0,
     as_json: Json = False,
 ) -> None:
-    """Exports of data loggers as a record set, with a preview of what was understood.
+    """Import exports of data loggers as a record set, with a preview of what was understood.
 
-    Separators, decimal commas, units, rates and time axes are found in the files. What they do not state is given by
-    options. The folder appears when all records are written.
+    Separators, decimal commas, units, rates and time axes are detected in the files. What they do not state is given
+    by options. The folder appears when all records are written.
     """
     from twingap.data.importing import (
         ImportOptions,

@@ -65,13 +65,13 @@ def rul(
     ] = None,
     alone: Annotated[
         bool,
-        typer.Option("--alone", help="Leave out the other groups of RECORDSET, a prior unless --prior is given."),
+        typer.Option("--alone", help="Leave out the other groups of RECORDSET (a prior unless --prior is given)."),
     ] = False,
     effects: Effects = None,
     seed: AnySeed = 0,
     as_json: Json = False,
 ) -> None:
-    """Remaining life along a run to failure: revolutions, and time with a 90 % interval.
+    """Estimate remaining life along a run to failure: revolutions, and time with a 90 % interval.
 
     The estimate of a row uses only the records up to its time. Peak to peak is divided by its healthy value at the same
     speed, estimated from the first rows. An alarm is given when it stays above the healthy scatter; from then on,

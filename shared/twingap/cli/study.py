@@ -25,7 +25,9 @@ from twingap.cli.progress import resumable
 from twingap.cli.tracking import Track, Tracking
 from twingap.errors import TwingapError
 
-app = typer.Typer(help="Studies of the diagnosis: on worlds of known truth, on public records.", no_args_is_help=True)
+app = typer.Typer(
+    help="Studies of the diagnosis: on simulated machines of known truth, on public records.", no_args_is_help=True
+)
 
 Jobs = Annotated[int | None, typer.Option("--jobs", metavar="J", help="Processes; one per core when absent.", min=1)]
 
@@ -33,11 +35,11 @@ Jobs = Annotated[int | None, typer.Option("--jobs", metavar="J", help="Processes
 @app.command("blind", epilog=examples("twingap study blind --out study --cases 60 --seed 1"))
 def blind(
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder; an interrupted study is resumed.")],
-    cases: Annotated[int, typer.Option("--cases", metavar="N", help="Worlds, at least 6.", min=6)] = 300,
+    cases: Annotated[int, typer.Option("--cases", metavar="N", help="Simulated machines, at least 6.", min=6)] = 300,
     rich: Annotated[
         int | None,
         typer.Option(
-            "--rich", metavar="N", min=0, help="Worlds in addition, with many modes and lines.",
+            "--rich", metavar="N", min=0, help="Additional machines, with many modes and lines.",
             show_default="half as many",
         ),
     ] = None,
@@ -54,7 +56,7 @@ def blind(
         ),
     ] = None,
     closest: Annotated[
-        bool, typer.Option("--closest", help="Seek the closest twin too, as `twingap gap` does without --quick.")
+        bool, typer.Option("--closest", help="Look for the closest twin too, as `twingap gap` does without --quick.")
     ] = False,
     track: Track = True,
     tracking_uri: TrackingUri = None,
@@ -112,10 +114,10 @@ def public(
         int, typer.Option("--pieces", metavar="N", help="Records of 1 s from each recording.", min=2, max=60)
     ] = 2,
     splits: Annotated[
-        int, typer.Option("--splits", metavar="N", help="Random halvings with nothing added, per set.", min=0)
+        int, typer.Option("--splits", metavar="N", help="Random splits into halves with nothing added, per set.", min=0)
     ] = 6,
     injections: Annotated[
-        int, typer.Option("--injections", metavar="N", help="Halvings that each effect is added on.", min=0)
+        int, typer.Option("--injections", metavar="N", help="Splits into halves on which each effect is added.", min=0)
     ] = 1,
     single_pieces: Annotated[
         int,
@@ -138,8 +140,8 @@ def public(
     tracking_uri: TrackingUri = None,
     json: Json = False,
 ) -> None:
-    """Diagnose public records: what each paper's twin lacks, effects withheld or added, single recordings; and judge
-    the closest twin on recordings and bearings that it has not seen, and a path on records through a drawn filter."""
+    """Diagnose public records: what each paper's twin lacks, effects withheld or added, single recordings; and test
+    the closest twin on recordings and bearings that it has not seen, and a path on records through a random filter."""
     from twingap.study.public import Plan, run_public
     from twingap.study.public_closest_report import closure_rows
     from twingap.study.public_filter import filter_rows

@@ -39,7 +39,7 @@ def train(
 ) -> None:
     """Train the models of the diagnosis and of `classify` on simulations (for maintainers); resumable.
 
-    Files of DIR/learnt belong into twingap/gap/knowledge/learnt, those of DIR/classifier into twingap/adapt/learnt.
+    Files of DIR/learnt belong in twingap/gap/knowledge/learnt, those of DIR/classifier in twingap/adapt/learnt.
     """
     from twingap.files import try_folder
 
