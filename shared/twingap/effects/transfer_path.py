@@ -124,6 +124,12 @@ def delay_spread_s(path: Effect | None) -> float:
     return 0.0 if plain is None else plain.delay_spread_s
 
 
+def gain_spread_db(path: Effect) -> float:
+    """Standard deviation over frequency of a path's gain, dB; 0 for an effect that is none."""
+    plain = _plain(path)
+    return 0.0 if plain is None or not plain.gains_db else plain.depth * float(np.std(plain.gains_db))
+
+
 def _plain(path: Effect | None) -> TransferPath | None:
     """A path, that of all states where it has values by state."""
     plain = path.base if isinstance(path, ByState) else path

@@ -8,7 +8,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from scipy.signal import firwin2, freqz, welch
+from scipy.signal import butter, firwin2, freqz, lfilter, welch
 
 from tests.twingap.gap.own_simulator import (
     BEARING,
@@ -202,6 +202,20 @@ def test_a_mode_of_the_impacts_is_no_filter_of_whole_waveforms() -> None:
     before, after = of.against(), of.against((mode,))
     explanation = Explanation(0.01, True, (Estimated(mode, {}),), {}, ((),), 0.01, before, after, {})
     assert with_measured(of, explanation).names == ("second_resonance",)
+
+
+@pytest.mark.parametrize("probability", [1.0, 0.5])
+def test_a_roll_off_of_another_form_than_the_catalogue_s_is_no_path(probability: float) -> None:
+    """A path closes more than the roll-off, whose form is another; but beside the roll-off the path is nearly flat."""
+    b, a = butter(1, 1500.0, fs=FS_HZ)
+    rows = (Record(r.condition, lfilter(b, a, r.samples)) for r in machine("nothing"))
+    evidence = evidence_of(RecordSet.from_records("rolled off", "g", BEARING, rows), "sim")
+    rolloff = make_effect("sensor_rolloff", {"corner_hz": 2200.0, "order": 2, "background": 1.0})
+    before, after = evidence.against(), evidence.against((rolloff,))
+    estimated = (Estimated(rolloff, {}),)
+    of = {"sensor_rolloff": probability}
+    found = with_measured(evidence, Explanation(0.01, True, estimated, of, ((),), 0.5, before, after, {}))
+    assert found.names == ("sensor_rolloff",)
 
 
 # ------------------------------------------------------------------------------------------------------------- verdicts

@@ -9,14 +9,14 @@ closes a part of the gap that the error of calibrated values does not reach.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import replace
 from typing import Final
 
 import numpy as np
 
 from twingap.effects.registry import look_alikes, measured_from_spectra
-from twingap.effects.transfer_path import passed_by_all_samples
+from twingap.effects.transfer_path import gain_spread_db, passed_by_all_samples
 from twingap.gap.distance.feature_vectors import FeatureVectors
 from twingap.gap.distance.paired import Paired
 from twingap.gap.search import unlearnt
@@ -38,6 +38,12 @@ _LEFT: Final = 0.25
 takes time, and names some that make up for errors of other values."""
 _CLEAR: Final = 2.0
 """Distance, over its floor, from which a part of it can be told. A smaller value names some that fit chance."""
+_CERTAIN: Final = 0.9
+"""Probability of a roll-off from which no path is in its place: learnt models tell it from paths of several modes. A
+smaller value takes such paths for roll-offs."""
+_SHAPED: Final = 0.6
+"""Part of a path's gain, in dB about its mean, that it has to keep beside effects in whose place it is. What a single
+mode or a roll-off gives is no path of several modes. A larger value replaces fewer effects."""
 _REPLICATES: Final = 3
 """Simulations of every held-out record that a test averages. A larger number gives the test more power."""
 
@@ -69,7 +75,9 @@ def with_measured(evidence: Evidence, found: Explanation) -> Explanation:
         if _has(now.effects, name):
             continue
         # Asked of the fit part: names must not be chosen by the closure that is reported.
-        rest = tuple(effect for effect in now.effects if effect.measured or effect.name not in look_alikes(name))
+        rest = tuple(
+            effect for effect in now.effects if effect.measured or effect.name not in _replaceable(name, found)
+        )
         ways = list(_ways(evidence, now, name)) if more and (name != PATH or rest == now.effects) else []
         if rest != now.effects and (more or name == PATH):
             ways += _ways(evidence, evidence.against(rest), name)
@@ -78,11 +86,19 @@ def with_measured(evidence: Evidence, found: Explanation) -> Explanation:
         if not ways or min(costs) > left:
             continue
         way = ways[costs.index(min(costs))]
-        if name == PATH and _has(way[1], LINES) and not _has(now.effects, LINES):
-            # Lines alone, which are tried later, may be as good as path, background and lines.
-            alone = next(_ways(evidence, now, LINES), None)
-            if alone is not None and validation_distance(evidence, *alone) + LEAST * bare <= min(costs):
+        if name == PATH:
+            if _has(way[1], LINES) and not _has(now.effects, LINES):
+                # Lines alone, which are tried later, may be as good as path, background and lines.
+                alone = next(_ways(evidence, now, LINES), None)
+                if alone is not None and validation_distance(evidence, *alone) + LEAST * bare <= min(costs):
+                    continue
+            if _shaped_by_effects(evidence, now, way[1]):
                 continue
+            if _has(way[1], BACKGROUND) and not _has(now.effects, BACKGROUND):
+                # The path has to close its part beside a background of any form.
+                nearest = _nearest_with_background(evidence, now)
+                if nearest < validation_distance(evidence, *way) + LEAST * bare:
+                    continue
         nearer = validation_distance(evidence, *way)
         if name == PATH:
             nearer, way = _without_surrogates(evidence, nearer, way, LEAST * bare)
@@ -103,6 +119,37 @@ def with_measured(evidence: Evidence, found: Explanation) -> Explanation:
         after=now, probability={**found.probability, **dict.fromkeys(gone, 0.0), **probability},
         confidence_set=tuple(dict.fromkeys(sets)),
     )  # fmt: skip
+
+
+def _replaceable(name: str, found: Explanation) -> Collection[str]:
+    """Effects in whose place a measured one may be.
+
+    A background is no other cause than coloured noise: it has its spectrum, in a free form. A certain roll-off is one.
+    """
+    if name == BACKGROUND:
+        return ()
+    certain = {other for other in ("sensor_rolloff",) if found.probability.get(other, 0.0) >= _CERTAIN}
+    return [other for other in look_alikes(name) if name != PATH or other not in certain]
+
+
+def _nearest_with_background(evidence: Evidence, now: Compared) -> float:
+    """Distance of the fit part with a background in the place of effects that are alike.
+
+    The mode is that calibrated with these effects or without them: noise that is not modelled widens it.
+    """
+    others = tuple(effect for effect in now.effects if effect.name not in look_alikes(BACKGROUND))
+    starts = evidence.against(others), Compared(evidence, others, now.simulator)
+    ways = [way for start in starts for way in _ways(evidence, start, BACKGROUND)]
+    return min((validation_distance(evidence, *way) for way in ways), default=float("inf"))
+
+
+def _shaped_by_effects(evidence: Evidence, now: Compared, chain: Chain) -> bool:
+    """Whether effects of the twin, in whose place a path of all samples is, account for most of its gain."""
+    path = next((effect for effect in chain if effect.name == PATH), None)
+    if path is None or not passed_by_all_samples(path) or {e.name for e in now.effects} <= {e.name for e in chain}:
+        return False
+    beside = measured(evidence, evidence.without_added(now.simulator), now.effects, (PATH,), all_samples=True)
+    return beside is not None and gain_spread_db(beside[1][-1]) < _SHAPED * gain_spread_db(path)
 
 
 def _has(effects: Chain, name: str) -> bool:

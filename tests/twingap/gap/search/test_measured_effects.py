@@ -88,6 +88,35 @@ def test_a_path_is_named_in_the_place_of_a_mode_that_stands_in_for_it() -> None:
     assert {effect.name for effect in found.after.effects} == set(found.names)
 
 
+def test_a_certain_roll_off_is_no_path() -> None:
+    """Learnt models tell it from a path of several modes: it stays where the path, in a free form, closes more."""
+    evidence = evidence_of(make_effect("sensor_rolloff", {"corner_hz": 1200.0, "order": 1, "background": 1.0}))
+    steep = make_effect("sensor_rolloff", {"corner_hz": 2500.0, "order": 4, "background": 1.0})
+
+    def names(probability: float) -> tuple[str, ...]:
+        found = Explanation(
+            0.01, True, (Estimated(steep, {}),), {"sensor_rolloff": probability}, ((),), 0.5, evidence.against(),
+            evidence.against((steep,)), {},
+        )  # fmt: skip
+        return with_measured(evidence, found).names
+
+    assert PATH in names(0.6)
+    assert names(1.0) == ("sensor_rolloff",)
+
+
+def test_a_background_is_not_named_in_the_place_of_coloured_noise() -> None:
+    """It has its spectrum in a free form and is no other cause."""
+    evidence = evidence_of(
+        make_effect("coloured_noise", {"level": 2.0, "slope": 0.0, "low_hz": 3500.0, "high_hz": 4500.0})
+    )
+    off = make_effect("coloured_noise", {"level": 2.0, "slope": 0.0, "low_hz": 3500.0, "high_hz": 5000.0})
+    found = Explanation(
+        0.01, True, (Estimated(off, {}),), {"coloured_noise": 0.8}, ((),), 0.5, evidence.against(),
+        evidence.against((off,)), {},
+    )  # fmt: skip
+    assert "coloured_noise" in with_measured(evidence, found).names
+
+
 def test_what_a_measured_effect_closes_is_reported() -> None:
     """Left out of the twin that has all named effects, like effects with detectors."""
     evidence = evidence_of(TONES, n=6)
