@@ -86,19 +86,8 @@ def with_measured(evidence: Evidence, found: Explanation) -> Explanation:
         if not ways or min(costs) > left:
             continue
         way = ways[costs.index(min(costs))]
-        if name == PATH:
-            if _has(way[1], LINES) and not _has(now.effects, LINES):
-                # Lines alone, which are tried later, may be as good as path, background and lines.
-                alone = next(_ways(evidence, now, LINES), None)
-                if alone is not None and validation_distance(evidence, *alone) + LEAST * bare <= min(costs):
-                    continue
-            if _shaped_by_effects(evidence, now, way[1]):
-                continue
-            if _has(way[1], BACKGROUND) and not _has(now.effects, BACKGROUND):
-                # The path has to close its part beside a background of any form.
-                nearest = _nearest_with_background(evidence, now)
-                if nearest < validation_distance(evidence, *way) + LEAST * bare:
-                    continue
+        if name == PATH and not _is_needed(evidence, now, way, LEAST * bare):
+            continue
         nearer = validation_distance(evidence, *way)
         if name == PATH:
             nearer, way = _without_surrogates(evidence, nearer, way, LEAST * bare)
@@ -132,21 +121,28 @@ def _replaceable(name: str, found: Explanation) -> Collection[str]:
     return [other for other in look_alikes(name) if name != PATH or other not in certain]
 
 
-def _nearest_with_background(evidence: Evidence, now: Compared) -> float:
-    """Distance of the fit part with a background in the place of effects that are alike.
-
-    The mode is that calibrated with these effects or without them: noise that is not modelled widens it.
-    """
-    others = tuple(effect for effect in now.effects if effect.name not in look_alikes(BACKGROUND))
-    starts = evidence.against(others), Compared(evidence, others, now.simulator)
-    ways = [way for start in starts for way in _ways(evidence, start, BACKGROUND)]
-    return min((validation_distance(evidence, *way) for way in ways), default=float("inf"))
+def _is_needed(evidence: Evidence, now: Compared, way: tuple[Simulator, Chain], least: float) -> bool:
+    """Whether nothing simpler accounts for what a path closes: lines or background alone, or effects of the twin."""
+    nearer, chain = validation_distance(evidence, *way), way[1]
+    if _has(chain, LINES) and not _has(now.effects, LINES):
+        alone = next(_ways(evidence, now, LINES), None)
+        limit = nearer + least * (_unspecific(now.effects, chain) - 1)
+        if alone is not None and validation_distance(evidence, *alone) <= limit:
+            return False
+    if _has(chain, BACKGROUND) and not _has(now.effects, BACKGROUND):
+        # The mode calibrated with effects that are alike, or without them: noise that is not modelled widens it.
+        others = tuple(effect for effect in now.effects if effect.name not in look_alikes(BACKGROUND))
+        starts = evidence.against(others), Compared(evidence, others, now.simulator)
+        ways = [one for start in starts for one in _ways(evidence, start, BACKGROUND)]
+        if any(validation_distance(evidence, *one) < nearer + least for one in ways):
+            return False
+    return not _shaped_by_effects(evidence, now, chain)
 
 
 def _shaped_by_effects(evidence: Evidence, now: Compared, chain: Chain) -> bool:
     """Whether effects of the twin, in whose place a path of all samples is, account for most of its gain."""
-    path = next((effect for effect in chain if effect.name == PATH), None)
-    if path is None or not passed_by_all_samples(path) or {e.name for e in now.effects} <= {e.name for e in chain}:
+    path = next(effect for effect in chain if effect.name == PATH)
+    if not passed_by_all_samples(path) or {e.name for e in now.effects} <= {e.name for e in chain}:
         return False
     beside = measured(evidence, evidence.without_added(now.simulator), now.effects, (PATH,), all_samples=True)
     return beside is not None and gain_spread_db(beside[1][-1]) < _SHAPED * gain_spread_db(path)
