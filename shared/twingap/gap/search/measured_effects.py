@@ -129,9 +129,10 @@ def _is_needed(evidence: Evidence, now: Compared, way: tuple[Simulator, Chain], 
         limit = nearer + least * (_unspecific(now.effects, chain) - 1)
         if alone is not None and validation_distance(evidence, *alone) <= limit:
             return False
-    if _has(chain, BACKGROUND) and not _has(now.effects, BACKGROUND):
-        # The mode calibrated with effects that are alike, or without them: noise that is not modelled widens it.
-        others = tuple(effect for effect in now.effects if effect.name not in look_alikes(BACKGROUND))
+    replaced = {effect.name for effect in now.effects} - {effect.name for effect in chain}
+    if _has(chain, BACKGROUND) and replaced and replaced <= set(look_alikes(BACKGROUND)):
+        # The mode calibrated with these effects, or without them: noise that is not modelled widens it.
+        others = tuple(effect for effect in now.effects if effect.name not in replaced)
         starts = evidence.against(others), Compared(evidence, others, now.simulator)
         ways = [one for start in starts for one in _ways(evidence, start, BACKGROUND)]
         if any(validation_distance(evidence, *one) < nearer + least for one in ways):
@@ -142,7 +143,8 @@ def _is_needed(evidence: Evidence, now: Compared, way: tuple[Simulator, Chain], 
 def _shaped_by_effects(evidence: Evidence, now: Compared, chain: Chain) -> bool:
     """Whether effects of the twin, in whose place a path of all samples is, account for most of its gain."""
     path = next(effect for effect in chain if effect.name == PATH)
-    if not passed_by_all_samples(path) or {e.name for e in now.effects} <= {e.name for e in chain}:
+    replaced = {effect.name for effect in now.effects} - {effect.name for effect in chain}
+    if not passed_by_all_samples(path) or not replaced:
         return False
     beside = measured(evidence, evidence.without_added(now.simulator), now.effects, (PATH,), all_samples=True)
     return beside is not None and gain_spread_db(beside[1][-1]) < _SHAPED * gain_spread_db(path)
