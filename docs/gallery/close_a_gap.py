@@ -74,14 +74,14 @@ for name in machine.effects:
 # It simulates conditions that were never measured: another speed, another fault. Here the machine is simulated too, for
 # comparison.
 
-asked = [
+unmeasured = [
     Condition(
         "ball at 2400 rpm", speed_rpm=2400, fs_hz=12000, n_samples=24000, fault="ball"
     )
 ]
 fig, ax = plt.subplots(figsize=(8, 3))
 for label, chosen, seed in (("machine", machine, 6), ("closest twin", way.twin, 7)):
-    (record,) = twingap.simulate(asked, chosen, seed=seed)
+    (record,) = twingap.simulate(unmeasured, chosen, seed=seed)
     spectrum = squared_envelope_spectrum(record.samples, record.condition.fs_hz)
     orders = spectrum.frequency / (record.condition.speed_rpm / 60)
     kept = (orders > 0.3) & (orders < 15)

@@ -88,8 +88,8 @@ assert report.verdict.effects == ("mains_interference",)
 # The confidence set
 # ------------------
 #
-# The data may not distinguish two explanations. The confidence set lists all sets of effects that fit; the true one is
-# in it nine times of ten. An empty set in it means that the data also fit without any effect.
+# The data may not distinguish two explanations. The confidence set lists all sets of effects that fit; the true one
+# should be in it nine times of ten. An empty set in it means that the data also fit without any effect.
 
 for effects in report.verdict.confidence_set[:4]:
     print(effects)

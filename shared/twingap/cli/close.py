@@ -47,5 +47,5 @@ def close(
         say_json({"sentence": way.sentence, "closure": way.closure, "steps": rows})
     else:
         say(way.sentence)
-        show(rows, False, title="The way")
+        show(rows, False, title="Steps")
     wrote(out, *paths, as_json=as_json)

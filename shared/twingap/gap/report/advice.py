@@ -140,7 +140,7 @@ def _add(report: GapReport, added: Iterable[Candidate]) -> str:
     return (
         f"Add {listed(c.effect for c in plain)} to your twin: in its file replace the table [twin] by that below, and "
         f"append the others. {lists + ' ' if lists else ''}Then run the diagnosis again; the gap as a whole should "
-        f"shrink as shown. `twingap close` does both, until nothing more closes.{check}"
+        f"shrink as shown. `twingap close` does both, until no further effect shrinks the gap.{check}"
     )
 
 

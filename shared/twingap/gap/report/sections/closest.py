@@ -31,7 +31,7 @@ def section(report: GapReport, figures: Figures) -> Section | None:
         Table(("effect", "values, fitted together"), values, 4, "effects"),
     ]
     text = (
-        f"{found.sentence} Real machines differ from a twin in ways that stand in for each other; here all effects "
+        f"{found.sentence} Real machines differ from a twin in ways that mimic each other; here all effects "
         "that bring the twin closer are fitted together, named or not, and measured on held-out records. What a group "
         "closes is its mean gain over the orders in which groups can be added, so that the shares add up."
     )

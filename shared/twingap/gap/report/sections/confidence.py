@@ -31,7 +31,7 @@ def section(report: GapReport, figures: Figures) -> Section | None:
     grouped = by_groups(sets, {c.effect: c.probability for c in report.candidates})
     if len(grouped) == len(sets):  # each has groups of its own
         return Section(_TITLE, text, (Items(words, ordered=True, shown=_SHOWN, more="less probable ones"),))
-    text += f"They come down to {count_words(len(grouped))}, effects that stand in for each other taken together and "
+    text += f"They come down to {count_words(len(grouped))}, effects that mimic each other taken together and "
     text += "hardly probable ones left out:"
     by_group = ["; ".join(map(str, one.choices)) or none for one in grouped]
     short = Items(by_group, ordered=True, shown=_SHOWN, more="less probable ones")
