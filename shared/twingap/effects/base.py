@@ -211,6 +211,9 @@ class Effect(ABC):
         closest twin alone, where its group is shown if leaving it out widens the gap significantly.
     measured : bool
         Whether its profiles are measured from spectra of records and twin (`gap.search.free_spectra`).
+    told_from_paths : bool
+        Whether a certain detection stays although a free path closes more: machines with a path of several modes are
+        not taken for it.
     irregular_impacts : tuple of Mapping
         Kinds of irregular impacts that it makes, alone or with others: effects, by name, with their values. With each,
         the closest twin's path and background are measured.
@@ -229,6 +232,7 @@ class Effect(ABC):
     inherent_in: ClassVar[tuple[str, ...]] = ()
     trained: ClassVar[bool] = True
     measured: ClassVar[bool] = False
+    told_from_paths: ClassVar[bool] = False
     irregular_impacts: ClassVar[tuple[Mapping[str, Mapping[str, float]], ...]] = ()
 
     def __init_subclass__(cls, **more: Any) -> None:

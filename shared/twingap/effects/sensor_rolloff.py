@@ -58,6 +58,7 @@ class SensorRolloff(Effect):
     deciding_measurement: ClassVar[str] = measurements.HAMMER
     features: ClassVar[tuple[str, ...]] = SHAPE
     draw_weight: ClassVar[float] = 1.7
+    told_from_paths: ClassVar[bool] = True
 
     corner_hz: float = parameter(
         3000.0, unit="Hz", plausible=(500.0, 15000.0), allowed=(1.0, 1e7), log=True, above_nyquist=True,

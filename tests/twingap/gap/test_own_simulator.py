@@ -205,8 +205,8 @@ def test_a_mode_of_the_impacts_is_no_filter_of_whole_waveforms() -> None:
 
 
 @pytest.mark.parametrize("probability", [1.0, 0.5])
-def test_a_roll_off_of_another_form_than_the_catalogue_s_is_no_path(probability: float) -> None:
-    """A path closes more than the roll-off, whose form is another; but beside the roll-off the path is nearly flat."""
+def test_a_path_does_not_replace_a_roll_off_of_another_form_than_in_the_catalogue(probability: float) -> None:
+    """The path closes more, but its gain is nearly flat beside the roll-off."""
     b, a = butter(1, 1500.0, fs=FS_HZ)
     rows = (Record(r.condition, lfilter(b, a, r.samples)) for r in machine("nothing"))
     evidence = evidence_of(RecordSet.from_records("rolled off", "g", BEARING, rows), "sim")

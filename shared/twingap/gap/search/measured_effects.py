@@ -15,7 +15,7 @@ from typing import Final
 
 import numpy as np
 
-from twingap.effects.registry import look_alikes, measured_from_spectra
+from twingap.effects.registry import catalogue, look_alikes, measured_from_spectra
 from twingap.effects.transfer_path import gain_spread_db, passed_by_all_samples
 from twingap.gap.distance.feature_vectors import FeatureVectors
 from twingap.gap.distance.paired import Paired
@@ -39,11 +39,11 @@ takes time, and names some that make up for errors of other values."""
 _CLEAR: Final = 2.0
 """Distance, over its floor, from which a part of it can be told. A smaller value names some that fit chance."""
 _CERTAIN: Final = 0.9
-"""Probability of a roll-off from which no path is in its place: learnt models tell it from paths of several modes. A
-smaller value takes such paths for roll-offs."""
-_SHAPED: Final = 0.6
-"""Part of a path's gain, in dB about its mean, that it has to keep beside effects in whose place it is. What a single
-mode or a roll-off gives is no path of several modes. A larger value replaces fewer effects."""
+"""Probability from which a path does not replace an effect that is told from paths. A smaller value keeps more of
+them where the machine has a path."""
+_FLAT: Final = 0.6
+"""Spread of a path's gain beside effects, over its spread without them, below which the path does not replace them:
+they account for most of its gain. A larger value names fewer paths."""
 _REPLICATES: Final = 3
 """Simulations of every held-out record that a test averages. A larger number gives the test more power."""
 
@@ -111,14 +111,19 @@ def with_measured(evidence: Evidence, found: Explanation) -> Explanation:
 
 
 def _replaceable(name: str, found: Explanation) -> Collection[str]:
-    """Effects in whose place a measured one may be.
+    """Effects that a measured effect may replace.
 
-    A background is no other cause than coloured noise: it has its spectrum, in a free form. A certain roll-off is one.
+    A background replaces none: it is coloured noise in a free form, not another cause.
     """
     if name == BACKGROUND:
         return ()
-    certain = {other for other in ("sensor_rolloff",) if found.probability.get(other, 0.0) >= _CERTAIN}
-    return [other for other in look_alikes(name) if name != PATH or other not in certain]
+    certain = {n for n, p in found.probability.items() if name == PATH and p >= _CERTAIN and _told_from_paths(n)}
+    return [other for other in look_alikes(name) if other not in certain]
+
+
+def _told_from_paths(name: str) -> bool:
+    """Whether learnt models tell this effect from a path."""
+    return catalogue()[name].told_from_paths
 
 
 def _is_needed(evidence: Evidence, now: Compared, way: tuple[Simulator, Chain], least: float) -> bool:
@@ -129,30 +134,31 @@ def _is_needed(evidence: Evidence, now: Compared, way: tuple[Simulator, Chain], 
         limit = nearer + least * (_unspecific(now.effects, chain) - 1)
         if alone is not None and validation_distance(evidence, *alone) <= limit:
             return False
-    replaced = {effect.name for effect in now.effects} - {effect.name for effect in chain}
-    if _has(chain, BACKGROUND) and replaced and replaced <= set(look_alikes(BACKGROUND)):
+    replaced = _names(now.effects) - _names(chain)
+    if not replaced:
+        return True
+    if _has(chain, BACKGROUND) and replaced <= set(look_alikes(BACKGROUND)):
         # The mode calibrated with these effects, or without them: noise that is not modelled widens it.
         others = tuple(effect for effect in now.effects if effect.name not in replaced)
         starts = evidence.against(others), Compared(evidence, others, now.simulator)
         ways = [one for start in starts for one in _ways(evidence, start, BACKGROUND)]
         if any(validation_distance(evidence, *one) < nearer + least for one in ways):
             return False
-    return not _shaped_by_effects(evidence, now, chain)
-
-
-def _shaped_by_effects(evidence: Evidence, now: Compared, chain: Chain) -> bool:
-    """Whether effects of the twin, in whose place a path of all samples is, account for most of its gain."""
     path = next(effect for effect in chain if effect.name == PATH)
-    replaced = {effect.name for effect in now.effects} - {effect.name for effect in chain}
-    if not passed_by_all_samples(path) or not replaced:
-        return False
+    if not passed_by_all_samples(path):
+        return True
     beside = measured(evidence, evidence.without_added(now.simulator), now.effects, (PATH,), all_samples=True)
-    return beside is not None and gain_spread_db(beside[1][-1]) < _SHAPED * gain_spread_db(path)
+    return beside is None or gain_spread_db(beside[1][-1]) >= _FLAT * gain_spread_db(path)
+
+
+def _names(effects: Chain) -> set[str]:
+    """Names of effects."""
+    return {effect.name for effect in effects}
 
 
 def _has(effects: Chain, name: str) -> bool:
     """Whether an effect is among these."""
-    return any(effect.name == name for effect in effects)
+    return name in _names(effects)
 
 
 def _unspecific(before: Chain, after: Chain) -> int:
@@ -160,8 +166,7 @@ def _unspecific(before: Chain, after: Chain) -> int:
 
     Lines in the place of effects with a known cause count for two more: a list of lines is closer than any of them.
     """
-    here, there = ({effect.name for effect in chain} for chain in (before, after))
-    new, gone = there - here, here - there
+    new, gone = _names(after) - _names(before), _names(before) - _names(after)
     return len(new) - len(gone) + 2 * bool(LINES in new and PATH not in new and gone)
 
 

@@ -88,8 +88,8 @@ def test_a_path_is_named_in_the_place_of_a_mode_that_stands_in_for_it() -> None:
     assert {effect.name for effect in found.after.effects} == set(found.names)
 
 
-def test_a_certain_roll_off_is_no_path() -> None:
-    """Learnt models tell it from a path of several modes: it stays where the path, in a free form, closes more."""
+def test_a_path_does_not_replace_a_certain_roll_off() -> None:
+    """Not even where it closes more."""
     evidence = evidence_of(make_effect("sensor_rolloff", {"corner_hz": 1200.0, "order": 1, "background": 1.0}))
     steep = make_effect("sensor_rolloff", {"corner_hz": 2500.0, "order": 4, "background": 1.0})
 
@@ -104,14 +104,15 @@ def test_a_certain_roll_off_is_no_path() -> None:
     assert names(1.0) == ("sensor_rolloff",)
 
 
-def test_a_background_is_not_named_in_the_place_of_coloured_noise() -> None:
-    """It has its spectrum in a free form and is no other cause."""
+@pytest.mark.parametrize("rest_p", [0.5, 0.01])
+def test_neither_path_nor_background_replaces_coloured_noise(rest_p: float) -> None:
+    """A background is coloured noise in a free form, and the path closes little beside it."""
     evidence = evidence_of(
         make_effect("coloured_noise", {"level": 2.0, "slope": 0.0, "low_hz": 3500.0, "high_hz": 4500.0})
     )
     off = make_effect("coloured_noise", {"level": 2.0, "slope": 0.0, "low_hz": 3500.0, "high_hz": 5000.0})
     found = Explanation(
-        0.01, True, (Estimated(off, {}),), {"coloured_noise": 0.8}, ((),), 0.5, evidence.against(),
+        0.01, True, (Estimated(off, {}),), {"coloured_noise": 0.8}, ((),), rest_p, evidence.against(),
         evidence.against((off,)), {},
     )  # fmt: skip
     assert "coloured_noise" in with_measured(evidence, found).names
