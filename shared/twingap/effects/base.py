@@ -304,6 +304,16 @@ class Effect(ABC):
         return {}
 
     @classmethod
+    def certain(cls, seen: Observations) -> bool:
+        """Whether features show beyond doubt that the twin lacks it, whatever its detector says. False by default."""
+        return False
+
+    @classmethod
+    def shown(cls, seen: Observations) -> Mapping[str, float]:
+        """Values, by parameter, that features show exactly, in place of learnt estimates. None by default."""
+        return {}
+
+    @classmethod
     def not_read_off(cls, conditions: Sequence[Condition]) -> str:
         """Why records of these conditions cannot show such values, and what to record instead; "" where they can."""
         return ""

@@ -26,6 +26,7 @@ from twingap.effects.registry import register
 class DamageGrowth(FaultEffect):
     """Impacts grow along a run, D = exp(rate (time_s - onset)); 1 before the onset.
 
+    A finished waveform has impacts of one damage, whichever that is: there, D is 1 at the onset and smaller before it.
     Records without `time_s` are not part of a run, and do not change.
     """
 
@@ -57,7 +58,9 @@ class DamageGrowth(FaultEffect):
         impacts.amplitudes = impacts.amplitudes * self.growth(draft)
 
     def on_waveform(self, draft: Draft, rng: np.random.Generator) -> None:
-        draft.modulate(self.growth(draft))
+        time_s = draft.condition.time_s
+        early = 0.0 if time_s is None else self.rate_per_s * min(time_s - self.onset_s, 0.0)
+        draft.modulate(self.growth(draft) * math.exp(max(early, -50.0)))
 
     @classmethod
     def draw(cls, machine: Machine, rng: np.random.Generator) -> Mapping[str, float] | None:
@@ -80,6 +83,8 @@ class DamageGrowth(FaultEffect):
             growth = seen.features[trend]
             if growth > 0:
                 yield self.moved(rate_per_s=growth / seen.span_s, onset_s=seen.begin_s)
+                if seen.own_mode is None:
+                    yield self.moved(rate_per_s=growth / seen.span_s)
 
 
 @dataclass(frozen=True)

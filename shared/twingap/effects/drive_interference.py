@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, Final
 
 import numpy as np
 
@@ -15,7 +16,15 @@ from twingap.effects.base import Effect, Stage, parameter
 from twingap.effects.draft import Draft
 from twingap.effects.drawing import log_uniform, tone_level
 from twingap.effects.machine import Machine
+from twingap.effects.observations import Observations
 from twingap.effects.registry import register
+
+_CERTAIN: Final = math.log1p(8.0)
+"""Compressed z from which such a pair is certain: machines without a drive reach it in less than one of 200 cases."""
+_SHOWN: Final = math.log1p(5.0)
+"""Compressed z of a pair of lines without a line between them from which it is where the drive's lines are."""
+_SUPPRESSED: Final = 50.0
+"""Depth of modulation of a carrier without a line of its own."""
 
 
 @register
@@ -63,6 +72,24 @@ class DriveInterference(Effect):
         return {
             "level": tone_level(rng, machine, 2.0), "depth": rng.uniform(0.2, 2.0),
             "carrier_hz": fs_hz * log_uniform(rng, 0.04, 0.46), "sideband_order": order,
+        }  # fmt: skip
+
+    @classmethod
+    def certain(cls, seen: Observations) -> bool:
+        """Where the records have a certain pair of lines without a line between them, and the twin has none."""
+        pair = seen.features["pooled|pair"]
+        return pair > _CERTAIN > pair - seen.features["pooled|pair.diff"]
+
+    @classmethod
+    def shown(cls, seen: Observations) -> Mapping[str, float]:
+        """Both lines, where they are clearer than a carrier with two lines."""
+        if not seen.features["pooled|pair"] >= max(_SHOWN, seen.features["pooled|carrier_balance"]):
+            return {}
+        amplitude = math.exp(seen.features["pooled|pair_level"])
+        return {
+            "level": 2 * amplitude / _SUPPRESSED, "depth": _SUPPRESSED,
+            "carrier_hz": math.exp(seen.features["pooled|pair_fs"]) * seen.fs_hz,
+            "sideband_order": seen.features["pooled|pair_side_order"],
         }  # fmt: skip
 
     def variant(self, machine: Machine, rng: np.random.Generator) -> Effect:

@@ -116,7 +116,7 @@ def line_counts(effect: Effect, held_out: HeldOut) -> dict[str, ParameterValue]:
     lines = [one for one in own if isinstance(one, LineSpectrum)]
     if not lines:
         return {}
-    most = max(lines, key=lambda one: len(one.frequencies_hz) + len(one.orders))
+    most = max(lines, key=lambda one: one.places[0].size)
     shaft_hz = float(np.mean([c.speed_rpm for c in held_out.part.conditions])) / 60
     kinds = named_lines(most, held_out.evidence.frame.bearing, shaft_hz)
     return {f"lines of {kind}": ParameterValue(float(len(places)), "lines") for kind, places in kinds.items()}

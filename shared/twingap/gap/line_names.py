@@ -42,6 +42,9 @@ def named_lines(effect: LineSpectrum, bearing: Bearing, shaft_hz: float) -> Mapp
     for place in effect.frequencies_hz:
         mains = any(_multiple(place, rate) for rate in (50.0, 60.0))
         out.setdefault(MAINS if mains else DRIVE if _paired(place, effect, shaft_hz) else UNKNOWN, []).append(place)
+    if effect.carriers_hz:
+        about = zip(effect.carriers_hz, effect.carrier_orders, strict=True)
+        out.setdefault(DRIVE, []).extend(carrier + order * shaft_hz for carrier, order in about)
     left = []
     for place in effect.orders:
         if _multiple(place, 1.0) or abs(place - 1) < _AT_ONCE:

@@ -98,6 +98,18 @@ def test_lines_stand_where_they_are_stated_at_any_speed() -> None:
         assert at[1] == pytest.approx(1.0, rel=0.2) or (len(effects) == 2 and at[1] < 0.9), "smeared with the speed"
 
 
+def test_lines_of_a_drive_turn_with_the_shaft_about_its_carrier() -> None:
+    about = LineSpectrum(
+        frequencies_hz=(), amplitudes=(), orders=(), order_amplitudes=(), carriers_hz=(3000.0, 3000.0),
+        carrier_orders=(-2.0, 3.0), carrier_amplitudes=(1.0, 2.0),
+    )  # fmt: skip
+    x = record((about,), own=QUIET)
+    spectrum = 2 * np.abs(np.fft.rfft(x * np.hanning(x.size))) / (0.5 * x.size)
+    hz = np.fft.rfftfreq(x.size, 1 / FS)
+    at = [spectrum[np.abs(hz - place) < 1.0].max() for place in (2950.0, 3075.0, 3000.0)]
+    assert at[:2] == pytest.approx([1.0, 2.0], rel=0.15) and at[2] < 0.1
+
+
 def test_lines_above_half_the_rate_are_left_out() -> None:
     lines = LineSpectrum(frequencies_hz=(7000.0,), amplitudes=(5.0,), orders=(400.0,), order_amplitudes=(5.0,))
     np.testing.assert_allclose(record((lines,)), record(()), atol=1e-9)
@@ -163,6 +175,7 @@ def test_converter_repeats_samples() -> None:
         ("transfer_path", {"gains_db": (0.0, 1e9, 0.0, 0.0, 0.0)}, "between -150 and 150"),
         ("line_spectrum", {"frequencies_hz": (50.0,)}, "1 lines and 2 amplitudes"),
         ("line_spectrum", {"amplitudes": "loud"}, "loud"),
+        ("line_spectrum", {"carrier_orders": (2.0,), "carrier_amplitudes": (1.0,)}, "1 lines and 0 carriers"),
         ("background_spectrum", {"densities_db": (float("nan"),) * 4}, "densities_db"),
     ],
 )

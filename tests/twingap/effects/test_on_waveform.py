@@ -133,3 +133,13 @@ def test_an_angle_changed_in_place_is_followed(lab: Any) -> None:
     record = Record(condition, lab.make([], "inner")[0])
     done = apply_to_waveform([Swing()], record, lab.bearing, lab.parameters.reference_rms, Streams(7, 0))
     assert np.abs(done.samples - record.samples).std() > 0.3 * record.samples.std()
+
+
+def test_damage_of_a_finished_waveform_is_that_of_the_onset(lab: Any) -> None:
+    """Impacts of the user's own simulator have a damage of their own: before it, they are smaller."""
+    growth = DamageGrowth(rate_per_s=1e-3, onset_s=600.0)
+    for time_s, factor in ((0.0, np.exp(-0.6)), (600.0, 1.0), (1600.0, np.e)):
+        before, after = finished(lab, "inner", [growth], time_s=time_s)
+        assert after.std() / before.std() == pytest.approx(factor, rel=0.05)
+    before, after = finished(lab, "inner", [growth])
+    np.testing.assert_array_equal(before, after)

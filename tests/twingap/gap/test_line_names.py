@@ -28,6 +28,14 @@ def test_known_rates_name_their_multiples() -> None:
     assert sorted(found[UNKNOWN]) == [11.37, 777.0]
 
 
+def test_lines_about_a_carrier_are_a_drives() -> None:
+    about = LineSpectrum(
+        frequencies_hz=(), amplitudes=(), orders=(), order_amplitudes=(), carriers_hz=(4200.0, 4200.0),
+        carrier_orders=(-2.0, 2.0), carrier_amplitudes=(1.0, 1.0),
+    )  # fmt: skip
+    assert named_lines(about, BEARING, 30.0) == {DRIVE: (4140.0, 4260.0)}
+
+
 def test_a_line_nearly_once_a_turn_is_the_shafts() -> None:
     """Speeds have errors, and a record of a second resolves a hertz."""
     found = named_lines(lines(orders=(0.992, 3.04)), BEARING, 22.0)

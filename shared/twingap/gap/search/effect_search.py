@@ -26,7 +26,7 @@ from twingap.gap.knowledge.score_calibration import Outcome
 from twingap.gap.search import unlearnt
 from twingap.gap.search.evidence import Compared, Evidence
 from twingap.gap.search.harmonics import with_measured_harmonics
-from twingap.gap.search.initial_values import better_initial
+from twingap.gap.search.initial_values import better_initial, observations
 from twingap.gap.search.optimise import not_farther, optimise, validation_distance
 from twingap.gap.search.parameter_prior import Key, Prior
 from twingap.gap.search.parameter_scale import coordinates, to_effect, to_number, to_value
@@ -70,6 +70,11 @@ DOUBT: Final = 2.0
 MODELLED_PRIOR_WEIGHT: Final = 10.0
 """Factor on the prior of the values of modelled effects. A larger value keeps them closer to their estimates, so
 that they do not compensate for effects that are missing."""
+CERTAIN: Final = 3.0
+"""Least log odds of an effect that features show beyond doubt. A larger value gives it a larger probability."""
+TREND_WEIGHT: Final = 10.0
+"""Factor on the priors of effects that a trend over speed or time shows: it is estimated on all records, while the
+distance sees those of the fit part, which may all be near one speed or time."""
 UNLIKELY: Final = -2.5
 """Log odds below which an effect is never tried. A larger value saves simulations and may miss effects."""
 
@@ -279,9 +284,11 @@ class _Search:
         if key not in self._known:
             found = self.learnt.log_odds(compared.held_out, later=key[1])[0]
             pairs = zip(self.learnt.effects, found, strict=True)
+            seen = observations(self.evidence, compared.held_out)
             self._known[key] = {
-                name: float(value) for name, value in pairs if name not in self.already and self.learnt.covers(name)
-            }
+                name: max(float(value), CERTAIN) if catalogue()[name].certain(seen) else float(value)
+                for name, value in pairs if name not in self.already and self.learnt.covers(name)
+            }  # fmt: skip
         return self._known[key]
 
     def probable(self) -> list[str]:
@@ -465,6 +472,12 @@ def estimate(name: str, features: Array, evidence: Evidence, learnt: Learnt) -> 
         within[parameter] = off
         intervals[parameter] = (min(ends) * (1 - least), max(ends) * (1 + least))
     made = to_effect(name, numbers, setting)
+    shown = made.shown(observations(evidence, features))
+    if shown and evidence.fits(made.moved(**shown)):
+        made = made.moved(**shown)
+        numbers = {parameter: to_number(made, parameter, setting) for parameter in numbers}
+        intervals = {p: ends for p, ends in intervals.items() if p not in shown}
+        within = {p: off for p, off in within.items() if p not in shown}
     # Values at which no record can be simulated, such as a frequency above Nyquist: halve the way to the defaults.
     for _ in range(6):
         if evidence.fits(made):
@@ -474,7 +487,8 @@ def estimate(name: str, features: Array, evidence: Evidence, learnt: Learnt) -> 
     read = evidence.read_off(name)
     made = evidence.at_read_values(made, evidence.against().simulator)
     intervals = {p: ends for p, ends in intervals.items() if p not in read}
-    priors = {(name, p): Prior(to_number(made, p, setting), off) for p, off in within.items() if p not in read}
+    weight = TREND_WEIGHT if default.trends else 1.0
+    priors = {(name, p): Prior(to_number(made, p, setting), off, weight) for p, off in within.items() if p not in read}
     return Estimated(made, intervals, priors)
 
 

@@ -354,6 +354,6 @@ def _all_lines(evidence: Evidence, simulator: Simulator, chain: Chain, states: S
     """Lines of all states as one effect, or nothing: those that all records have, and more that a fault has."""
     common = missing_lines(evidence, simulator, chain)
     found = {s: missing_lines(evidence, simulator, chain, s.fault, common) if s.fault else common for s in states}
-    if not any(one.frequencies_hz or one.orders for one in found.values()):
+    if not any(one.places[0].size for one in found.values()):
         return ()
     return (_stated(found),)

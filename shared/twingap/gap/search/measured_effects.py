@@ -36,6 +36,9 @@ values."""
 _LEFT: Final = 0.25
 """Part of the fit part's distance that effects with detectors have to leave. A smaller value asks more often, which
 takes time, and names some that make up for errors of other values."""
+_MOST: Final = 0.5
+"""Part of that distance from which lines are asked for though the learnt test finds no rest: it knows no lists of
+lines. A smaller value asks more often, with the same consequences."""
 _CLEAR: Final = 2.0
 """Distance, over its floor, from which a part of it can be told. A smaller value names some that fit chance."""
 _CERTAIN: Final = 0.9
@@ -54,12 +57,12 @@ def with_measured(evidence: Evidence, found: Explanation) -> Explanation:
     names = [name for name in measured_from_spectra() if evidence.can_add(name) is None]
     if not found.gap or not names:
         return found
-    # Where no rest points to a further effect, one may still be in the place of those that are taken for it.
-    more = not found.effects or found.rest_p <= ALPHA_REST
     bare = validation_distance(evidence, found.before.simulator, ())
     left = validation_distance(evidence, found.after.simulator, found.after.effects)
     if left < _LEFT * bare:
         return found
+    # Where no rest points to a further effect, one may still be in the place of those that are taken for it.
+    more = not found.effects or found.rest_p <= ALPHA_REST
     real = evidence.held_out.vectors
 
     def made(compared: Compared) -> list[FeatureVectors]:
@@ -78,8 +81,9 @@ def with_measured(evidence: Evidence, found: Explanation) -> Explanation:
         rest = tuple(
             effect for effect in now.effects if effect.measured or effect.name not in _replaceable(name, found)
         )
-        ways = list(_ways(evidence, now, name)) if more and (name != PATH or rest == now.effects) else []
-        if rest != now.effects and (more or name == PATH):
+        asked = more or (name == LINES and left > _MOST * bare)
+        ways = list(_ways(evidence, now, name)) if asked and (name != PATH or rest == now.effects) else []
+        if rest != now.effects and (asked or name == PATH):
             ways += _ways(evidence, evidence.against(rest), name)
         # Each effect that is measured has to close its part.
         costs = [validation_distance(evidence, *way) + LEAST * bare * _unspecific(now.effects, way[1]) for way in ways]

@@ -1,4 +1,4 @@
-"""Lines of the records that the twin lacks, fixed in Hz or in shaft orders.
+"""Lines of the records that the twin lacks, fixed in Hz, in shaft orders, or at orders about a carrier.
 
 records --> heights over the local floor --quantile over records, at a place in Hz or in orders--> test --+
 twin ----> heights at the same places -------------------------------------------------------------------+--> lines
@@ -19,6 +19,7 @@ from scipy.stats import beta, norm
 
 from twingap.bearing import Bearing
 from twingap.effects import Effect, LineSpectrum
+from twingap.gap.search.carrier_lines import CarrierLine, carrier_lines
 from twingap.identification.calibrate import thinned
 from twingap.records import Array
 from twingap.signal.record_transforms import RecordTransforms
@@ -107,16 +108,35 @@ def missing_lines(
         near = taken.size > 0 and swept <= _SWEPT_BINS * resolution
         if not (near and float(np.abs(taken - place).min()) < _SAME_BINS * resolution + 0.5 * swept):
             lines.append(Line(place, amplitude, by_order=False))
-    reference = simulator.reference_rms
+    about = carrier_lines(real, made) if common is None else []
+    shaft_hz, reference = float(shaft.mean()), simulator.reference_rms
+    near_hz = [line.hz(shaft_hz) for line in lines]
+    about = [
+        line for line in about
+        if all(abs(line.carrier_hz + line.order * shaft_hz - other) > _SAME_BINS * resolution for other in near_hz)
+    ]  # fmt: skip
     lines = [line._replace(amplitude=line.amplitude / reference) for line in lines]
     if common is not None:
-        lines = _joined(_of_effect(common), lines, float(shaft.mean()), _SAME_BINS * resolution)
+        lines = _joined(_of_effect(common), lines, shaft_hz, _SAME_BINS * resolution)
     lines = sorted(lines, key=lambda line: line.amplitude, reverse=True)[:_MOST]
     first, second = (sorted(line for line in lines if line.by_order == kind) for kind in (False, True))
     return LineSpectrum(
         frequencies_hz=tuple(line.place for line in first), amplitudes=tuple(line.amplitude for line in first),
         orders=tuple(line.place for line in second), order_amplitudes=tuple(line.amplitude for line in second),
+        **_about_carriers(about, reference, common),
     )  # fmt: skip
+
+
+def _about_carriers(
+    lines: Sequence[CarrierLine], reference: float, common: LineSpectrum | None
+) -> dict[str, tuple[float, ...]]:
+    """Parameters of the lines about carriers; those of all records where these are given."""
+    if common is not None:
+        return {name: getattr(common, name) for name in ("carriers_hz", "carrier_orders", "carrier_amplitudes")}
+    return {
+        "carriers_hz": tuple(line.carrier_hz for line in lines), "carrier_orders": tuple(line.order for line in lines),
+        "carrier_amplitudes": tuple(line.amplitude / reference for line in lines),
+    }  # fmt: skip
 
 
 class Line(NamedTuple):

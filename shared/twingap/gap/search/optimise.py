@@ -138,15 +138,27 @@ def not_farther(
     """The optimised twin, or a closer one where its distance is larger than that of `bare`, without the effects.
 
     In that case the search ended in the wrong local minimum. A second search begins at the twin without the effects,
-    with a small strength of each, and the closer of both results is kept. Other arguments as for `optimise`.
+    with a small strength of each, and the closer of both results is kept, penalised by the priors. Other arguments as
+    for `optimise`.
     """
+
+    def penalised(one: Optimised) -> float:
+        numbers = {
+            (effect.name, name): to_number(effect, name, evidence.setting)
+            for effect in one.effects for name in effect.parameter_values() if (effect.name, name) in priors
+        }  # fmt: skip
+        weight = prior_weight * penalty_weight(len(evidence.trial_records))
+        return math.sqrt(
+            validation_distance(evidence, one.simulator, one.effects) ** 2 + weight * penalty(priors, numbers)
+        )
+
     without = validation_distance(evidence, bare.simulator, ())
     if validation_distance(evidence, found.simulator, found.effects) <= without:
         return found
     little = [tuple(effect.weakened(factor) for effect in found.effects) for factor in WEAKER]
     begin = min(little, key=lambda effects: evidence.misfit(bare.simulator, effects))
     again = optimise(evidence, bare.simulator, begin, errors, priors=priors, prior_weight=prior_weight)
-    return min(found, again, key=lambda one: validation_distance(evidence, one.simulator, one.effects))
+    return min(found, again, key=penalised)
 
 
 def validation_distance(evidence: Evidence, simulator: Simulator, effects: Sequence[Effect]) -> float:

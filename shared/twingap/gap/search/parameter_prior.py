@@ -33,6 +33,7 @@ class Prior(NamedTuple):
 
     number: float  # the estimate, on the scale of `parameter_scale`
     within: float  # bound on the error of nine of ten such estimates, on the same scale
+    weight: float = 1.0  # factor on the penalty, larger where the estimate is from more records than the distance
 
     @property
     def spread(self) -> float:
@@ -41,12 +42,12 @@ class Prior(NamedTuple):
 
     def penalty(self, number: float) -> float:
         """Penalty of another value: -2 ln of the ratio of its density to that of the estimate."""
-        return (FREEDOM + 1) * math.log1p((number - self.number) ** 2 / (FREEDOM * self.spread**2))
+        return self.weight * (FREEDOM + 1) * math.log1p((number - self.number) ** 2 / (FREEDOM * self.spread**2))
 
     def stiffness(self, number: float) -> float:
         """Curvature of the penalty in iteratively reweighted least squares: weight over the error's variance."""
         off = (number - self.number) ** 2 / self.spread**2
-        return (FREEDOM + 1) / (FREEDOM + off) / self.spread**2
+        return self.weight * (FREEDOM + 1) / (FREEDOM + off) / self.spread**2
 
 
 def penalty(priors: Mapping[Key, Prior], at: Mapping[Key, float]) -> float:

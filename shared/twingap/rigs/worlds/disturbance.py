@@ -77,7 +77,8 @@ def electrical(motion: Motion, effects: Effects, streams: Streams, t: Array, fs_
         rng = streams("drive_interference")
         carrier = p["carrier_hz"] * t + rng.uniform()
         side = p["pole_pairs"] * motion.turns(t) + rng.uniform()
-        total += p["amplitude"] * np.cos(2 * np.pi * carrier)
+        if not p.get("suppressed"):
+            total += p["amplitude"] * np.cos(2 * np.pi * carrier)
         for k, share in enumerate(p["sideband_ratios"], start=1):
             for sign in (-1, 1):
                 total += p["amplitude"] * share * np.cos(2 * np.pi * (carrier + sign * k * side + rng.uniform()))

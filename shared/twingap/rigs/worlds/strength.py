@@ -24,6 +24,9 @@ from twingap.rigs.worlds.motion import fault_order
 Params = dict[str, Any]
 Range = tuple[float, float]
 
+_SUPPRESSED: Final = 1 / 3
+"""Part of the drives whose carrier has no line."""
+
 
 @dataclass(frozen=True)
 class Setting:
@@ -230,7 +233,12 @@ def _drive_interference(s: Setting) -> Params:
     sides = [s.uniform(0.4, 1.0)] + ([s.uniform(0.15, 0.4)] if s.coin(0.6) else [])
     amplitude = s.levels.tone(carrier, s.line_db()) / max(1.0, sides[0] * 1.2)
     pairs = int(s.rng.integers(1, 5))
-    return {"carrier_hz": carrier, "amplitude": amplitude, "sideband_ratios": sides, "pole_pairs": pairs}
+    p: Params = {"carrier_hz": carrier, "amplitude": amplitude, "sideband_ratios": sides, "pole_pairs": pairs}
+    if s.coin(_SUPPRESSED):
+        # Modulated by sines, line to line, a carrier has no line itself, and the first pair is the strongest.
+        first = amplitude * max(1.0, sides[0] * 1.2) / sides[0]
+        p |= {"amplitude": first, "suppressed": True, "pole_pairs": 2 * (1 + pairs % 3)}
+    return p
 
 
 def _gear_mesh(s: Setting) -> Params:

@@ -43,3 +43,19 @@ def test_of_many_lines_those_in_the_band_of_impacts_are_left_to_them() -> None:
     low, high = evidence.frame.band_hz
     inside = (places > low) & (places < high)
     assert hit[inside].mean() < 0.1 and hit[~inside].mean() > 0.9
+
+
+def test_lines_about_a_carrier_are_found_at_their_orders() -> None:
+    """All of one drive, and none of them a second time as a line in Hz."""
+    drive = make_effect(LINES, {
+        "frequencies_hz": (), "amplitudes": (), "orders": (), "order_amplitudes": (), "carriers_hz": (1900.0,) * 4,
+        "carrier_orders": (-4.0, -2.0, 2.0, 4.0), "carrier_amplitudes": (0.2, 0.4, 0.4, 0.2),
+    })  # fmt: skip
+    evidence = evidence_of(drive, faults=("healthy", "outer"), n=8)
+    _, (lines,) = measured(evidence, evidence.against().simulator, (), (LINES,)) or pytest.fail()
+    found = lines.parameter_values()
+    assert sorted(found["carrier_orders"]) == [-4.0, -2.0, 2.0, 4.0]
+    np.testing.assert_allclose(found["carriers_hz"], 1900.0, atol=1.5)
+    strength = dict(zip(found["carrier_orders"], found["carrier_amplitudes"], strict=True))
+    assert [strength[order] for order in (-4.0, -2.0, 2.0, 4.0)] == pytest.approx([0.2, 0.4, 0.4, 0.2], rel=0.35)
+    assert not found["frequencies_hz"] and not found["orders"]

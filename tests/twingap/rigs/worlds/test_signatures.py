@@ -357,3 +357,16 @@ def test_impacts_come_at_the_kinematic_order_of_the_true_speed(fault: str) -> No
     world, without = both("shaft_harmonics")
     assert peak_order(without, world, fault) == pytest.approx(own_order(world, fault), rel=1e-3)
     assert envelope_line(without, world, own_order(world, fault), fault) > 8.0
+
+
+def test_a_third_of_the_drives_has_no_line_at_its_carrier() -> None:
+    drives = [
+        make_world(Case("single", effects=(("drive_interference", "strong"),), name=f"d{k}", n_records=10), 5)
+        for k in range(24)
+    ]
+    without = [w for w in drives if w.parameters["drive_interference"].get("suppressed")]
+    assert 4 <= len(without) <= 13
+    for w in without[:2]:
+        p = w.parameters["drive_interference"]
+        assert raw_line(w.records, w, p["pole_pairs"], p["carrier_hz"]) > 10.0
+        assert raw_line(w.records, w, 0.0, p["carrier_hz"]) < 5.0

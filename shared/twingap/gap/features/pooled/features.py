@@ -8,6 +8,7 @@ within a fault. All other features are compared on one part at a time.
 
 from __future__ import annotations
 
+import math
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -33,6 +34,7 @@ class PooledRecords:
     def lines(self) -> Array:
         """[lines.NAMES] Lines of the mean spectra."""
         found = lines.measure([summary.whitened for summary in self.summaries], self.summaries[0].frame.bearing)
+        found["pair_level"] -= math.log(max(self.summaries[0].frame.scale, 1e-300))
         return np.array([found[name] for name in lines.NAMES])
 
     @cached_property

@@ -52,7 +52,7 @@ def measure(records: Sequence[Whitened], bearing: Bearing) -> dict[str, float]:
     out["envelope_1x"], out["envelope_2x"], out["envelope_cage"] = envelope.at(np.array([1.0, 2.0, bearing.ftf]))
     _foreign(envelope, bearing, out)
     _modulation(Mean.in_hz(healthy, envelope=True), out)
-    places = {name for name in NAMES if name.endswith(("_fs", "_order", "_teeth", "_hz"))}
+    places = {name for name in NAMES if name.endswith(("_fs", "_order", "_teeth", "_hz", "pair_part", "pair_level"))}
     return {name: v if name in places else _compressed(v) for name, v in out.items()}
 
 

@@ -2,6 +2,7 @@
 
 mean of whitened spectra in Hz --peaks that neither mains, shaft nor a single state of the bearing explain--> candidates
           records about each --lines at equal distances, in shaft orders; steadiness, sharpness--> the best carrier
+records --pairs about a centre without a line (`side_pairs`)--> takes its place where it is certain
 
 A tone has the same level in each record; the power of a sharp mode, which may be as narrow as a bin, varies
 exponentially between records. Impacts at one speed produce many lines fixed in Hz, a drive produces a few.
@@ -15,13 +16,15 @@ from typing import Final
 
 import numpy as np
 
+from twingap.gap.features.tones.side_pairs import SidePair, log_power, strongest_pair
 from twingap.gap.features.tones.whitened_spectra import MOST_Z, Mean, Single, Whitened, combined_z
 from twingap.records import Array
 from twingap.signal.record_transforms import medians
 
 _EACH: Final = ("", "_fs", "_sides", "_balance", "_side_order", "_steady", "_sharp", "_turning")
 _BOTH: Final = ("fixed", "carrier")
-NAMES: Final = (*(f"{name}{part}" for name in _BOTH for part in _EACH), "fixed_others", "fixed_count")
+_PAIR: Final = ("pair", "pair_part", "pair_fs", "pair_side_order", "pair_level")
+NAMES: Final = (*(f"{name}{part}" for name in _BOTH for part in _EACH), "fixed_others", "fixed_count", *_PAIR)
 
 _MAINS_TO_HZ: Final = 1300.0
 """Frequency up to which lines on multiples of 50 or 60 Hz count as the mains'; beyond, one bin in seven is on one."""
@@ -46,10 +49,11 @@ _BY_CHANCE: Final = 3.5
 """z of the best of these distances without side lines, which is subtracted."""
 _SHOWN: Final = 4.0
 """z from which a line counts as present."""
+CERTAIN: Final = 8.0
+"""z of a pair without a line at its centre from which it is a drive's. A smaller value takes chance pairs of gears and
+of other bearings for one."""
 _UNSTEADY: Final = 6.0
 """Penalty in z of a line whose level scatters like that of noise. A larger value rejects more carriers."""
-_BESIDE: Final = np.array([-6, -5, -4, 4, 5, 6])
-"""Bins beside a line for its sharpness; closer bins contain the skirts of the line."""
 _SKIRT: Final = 5
 """Least distance of side lines from their carrier, bins."""
 _SAME: Final = 2.5
@@ -63,9 +67,16 @@ def measure(hz: Mean, records: Sequence[Whitened], deviates: Sequence[Single]) -
     z of its side lines together, and of the weaker of both; their distance, orders; spread of the logarithm of its
     level between records; logarithm of its power over the bins beside it; part of the records in which an integer order
     lies there. Then z of the strongest line that is not the carrier's, and the number of such lines.
+
+    Of the strongest pair without a line at its centre: z; part of the records that have it; logarithm of the centre
+    over the sampling rate; distance, orders; logarithm of a line's amplitude, unit of the records.
     """
     out = dict.fromkeys(NAMES, math.nan)
     top = 0.5 * min(r.fs_hz for r in records)
+    pair = strongest_pair(records, [log_power(record) for record in records])
+    if pair is not None:
+        values = (pair.z, pair.part, math.log(pair.carrier_hz / (2 * top)), pair.order, pair.level_log)
+        out |= dict(zip(_PAIR, values, strict=True))
     z = _unclaimed(hz, records, top)
     if not np.isfinite(z).any():
         return out
@@ -91,7 +102,17 @@ def measure(hz: Mean, records: Sequence[Whitened], deviates: Sequence[Single]) -
     others = own[~family]
     out["fixed_others"] = float(others.max()) if others.size else 0.0
     out["fixed_count"] = float((others > _SHOWN).sum())
+    if pair is not None and pair.z > max(CERTAIN, float(balance[best])):
+        out |= _as_carrier(pair, 2 * top)
     return out
+
+
+def _as_carrier(pair: SidePair, fs_hz: float) -> dict[str, float]:
+    """Features of a carrier without a line: as if it stood out like its side lines."""
+    both = math.sqrt(2) * pair.z
+    about = (pair.z, math.log(pair.carrier_hz / fs_hz), both, pair.z, pair.order, pair.unsteady, pair.sharp, 0.0)
+    joint = math.hypot(min(pair.z, 2 * MOST_Z), both - _BY_CHANCE)
+    return {f"carrier{part}": value for part, value in zip(_EACH, about, strict=True)} | {"carrier": joint}
 
 
 def _unclaimed(hz: Mean, records: Sequence[Whitened], top: float) -> Array:
@@ -137,9 +158,7 @@ def _nature(records: Sequence[Whitened], places: Array) -> tuple[Array, Array, A
     for record in records:
         bins = np.rint(places / record.df_hz).astype(int)
         level.append(record.level_logs(bins))
-        near = record.logs[np.clip(bins[:, None] + np.arange(-1, 2), 0, record.logs.size - 1)].astype(float)
-        beside = record.logs[np.clip(bins[:, None] + _BESIDE, 0, record.logs.size - 1)].astype(float)
-        above.append(near.max(axis=1) - np.log(np.exp(beside).mean(axis=1)))
+        above.append(record.sharpness(bins))
         order = places / record.shaft_hz
         turning.append(np.abs(order - np.rint(order)) * record.shaft_hz < 1.6 * record.df_hz)
     spread = np.std(level, axis=0) if len(records) > 2 else np.full(places.size, np.nan)

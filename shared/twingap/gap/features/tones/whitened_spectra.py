@@ -45,6 +45,8 @@ _STEP: Final = 0.01
 """Of the order axis, unless a record resolves more: one of a second at ten turns resolves a tenth."""
 _NEAR: Final = np.arange(4, 10)
 """Bins from a line that hold nothing of the line, and all of a mode."""
+_BESIDE: Final = np.array([-6, -5, -4, 4, 5, 6])
+"""Bins beside a line for its sharpness; closer bins contain the skirts of the line."""
 _FLOOR_STEP: Final = 8
 """Bins between stored values of the floor."""
 _WIDE: Final = 0.22
@@ -86,12 +88,22 @@ class Whitened(NamedTuple):
                 out[max(int(place - reach), 0) : int(place + reach) + 2] = 0.0
         return out
 
+    def bins_of(self, places_hz: Array) -> NDArray[np.int64]:
+        """[...] Nearest bins of these frequencies."""
+        return np.clip(np.rint(places_hz / self.df_hz).astype(np.int64), 0, self.logs.size - 1)
+
     def level_logs(self, bins: NDArray[np.int64]) -> Array:
         """[...] ln of the highest power within a bin of each, unit^2."""
         near = np.clip(bins[..., None] + np.arange(-1, 2), 0, self.logs.size - 1)
         floor = np.interp(bins, np.arange(self.floor_logs.size) * _FLOOR_STEP, self.floor_logs)
         highest: Array = self.logs[near].astype(np.float64).max(axis=-1)
         return np.asarray(highest + floor, dtype=np.float64)
+
+    def sharpness(self, bins: NDArray[np.int64]) -> Array:
+        """[...] ln of the highest power within a bin of each, over the mean of bins beside it."""
+        near = self.logs[np.clip(bins[..., None] + np.arange(-1, 2), 0, self.logs.size - 1)].astype(float)
+        beside = self.logs[np.clip(bins[..., None] + _BESIDE, 0, self.logs.size - 1)].astype(float)
+        return np.asarray(near.max(axis=-1) - np.log(np.exp(beside).mean(axis=-1)), dtype=np.float64)
 
     def _own_comb(self) -> Array:
         """[lines] Bins of a defect's comb."""
