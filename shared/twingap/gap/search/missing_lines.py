@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Final, NamedTuple
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
 from scipy.ndimage import maximum_filter1d
@@ -129,7 +129,7 @@ def missing_lines(
 
 def _about_carriers(
     lines: Sequence[CarrierLine], reference: float, common: LineSpectrum | None
-) -> dict[str, tuple[float, ...]]:
+) -> dict[str, Any]:
     """Parameters of the lines about carriers; those of all records where these are given."""
     if common is not None:
         return {name: getattr(common, name) for name in ("carriers_hz", "carrier_orders", "carrier_amplitudes")}
