@@ -2,22 +2,17 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import ClassVar
 
 import numpy as np
-import scipy.fft
-from numpy.typing import NDArray
 
 from twingap.effects import measurements
+from twingap.effects._gains import check_places
+from twingap.effects._shaped_noise import shaped_noise
 from twingap.effects.base import Effect, Stage, parameter, profile
 from twingap.effects.draft import Draft
 from twingap.effects.registry import register
-from twingap.effects.transfer_path import check_places
-
-Array = NDArray[np.float64]
 
 
 @register
@@ -66,25 +61,6 @@ class BackgroundSpectrum(Effect):
         return 1.0 - self.replaced
 
     def apply(self, draft: Draft, rng: np.random.Generator) -> None:
-        n = draft.x.size
-        if not self.frequencies_hz:
-            return
-        # Noise from a transform is periodic: twice as long as the record, its end is not correlated with its start.
-        length = scipy.fft.next_fast_len(2 * n, real=True)
-        weights = _amplitudes(length, draft.condition.fs_hz, self.frequencies_hz, self.densities_db)
-        spectrum = rng.standard_normal(2 * weights.size).view(complex)
-        spectrum *= weights
-        draft.x += self.level * draft.reference_rms * scipy.fft.irfft(spectrum, length)[:n]
-
-
-@lru_cache(maxsize=16)
-def _amplitudes(n: int, fs_hz: float, frequencies_hz: tuple[float, ...], densities_db: tuple[float, ...]) -> Array:
-    """[n // 2 + 1] Factors that make unit complex normals the spectrum of noise of this one-sided density."""
-    f = scipy.fft.rfftfreq(n, 1 / fs_hz)
-    density = np.power(10, np.interp(f, frequencies_hz, densities_db) / 10)
-    # A one-sided density S makes E|X|^2 = S fs n / 2 = 2 w^2.
-    weights = np.sqrt(density * (fs_hz * n / 4))
-    weights[0] = 0.0
-    if n % 2 == 0:
-        weights[-1] *= math.sqrt(2)  # real there
-    return np.asarray(weights)
+        if self.frequencies_hz:
+            noise = shaped_noise(draft.x.size, draft.condition.fs_hz, self.frequencies_hz, self.densities_db, rng)
+            draft.x += self.level * draft.reference_rms * noise

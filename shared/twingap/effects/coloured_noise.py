@@ -17,8 +17,10 @@ from scipy import signal
 
 from twingap.effects import measurements
 from twingap.effects._features import SHAPE
+from twingap.effects._gains import check_places
+from twingap.effects._shaped_noise import shaped_noise
 from twingap.effects._spectral_fits import least_misfit
-from twingap.effects.base import Effect, Stage, parameter
+from twingap.effects.base import Effect, Stage, parameter, profile
 from twingap.effects.draft import Draft
 from twingap.effects.drawing import healthy_density, log_uniform
 from twingap.effects.machine import Machine
@@ -46,7 +48,8 @@ _NARROWEST: Final = 0.985
 class ColouredNoise(Effect):
     """Stationary Gaussian background whose power falls or rises as f^-slope between two frequencies.
 
-    Pumps and flow have a slope, a neighbouring machine a band. Its envelope spectrum is flat.
+    Pumps and flow have a slope, a neighbouring machine a band. Its envelope spectrum is flat. Where its density was
+    measured, the noise has that one, at the level.
     """
 
     stage: ClassVar[Stage] = Stage.DISTURBANCE
@@ -70,16 +73,39 @@ class ColouredNoise(Effect):
         20000.0, unit="Hz", plausible=(200.0, 25000.0), allowed=(1e-3, 1e9), log=True, above_nyquist=True,
         doc="upper end of the band",
     )  # fmt: skip
+    frequencies_hz: tuple[float, ...] = profile((), unit="Hz", doc="frequencies of measured densities, increasing")
+    densities_db: tuple[float, ...] = profile(
+        (), unit="dB of the noise's power per Hz", allowed=(-300.0, 100.0),
+        doc="density at each, where measured; in place of slope and band",
+    )  # fmt: skip
+
+    @property
+    def measured_parameters(self) -> frozenset[str]:
+        return frozenset({"slope", "low_hz", "high_hz"}) if self.frequencies_hz else frozenset()
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        check_places(self, self.frequencies_hz, self.densities_db, "densities_db")
         if self.low_hz >= self.high_hz:
             raise TwingapError(
                 f"low_hz = {self.low_hz:g}, below high_hz = {self.high_hz:g} expected", where=f"effect {self.name}"
             )
 
+    def density(self, frequencies_hz: Array, fs_hz: float) -> Array:
+        """One-sided density at these frequencies, 1/Hz, of a noise of unit variance."""
+        if self.frequencies_hz:
+            return np.asarray(10 ** (np.interp(frequencies_hz, self.frequencies_hz, self.densities_db) / 10))
+        f = np.linspace(self.low_hz, min(self.high_hz, fs_hz / 2), 1000)
+        inside = (frequencies_hz >= self.low_hz) & (frequencies_hz <= self.high_hz)
+        power = np.where(inside, np.maximum(frequencies_hz, self.low_hz) ** -self.slope, 0.0)
+        return np.asarray(power / max(float(np.trapezoid(f**-self.slope, f)), 1e-300))
+
     def apply(self, draft: Draft, rng: np.random.Generator) -> None:
         n = draft.x.size
+        if self.frequencies_hz:
+            noise = shaped_noise(n, draft.condition.fs_hz, self.frequencies_hz, self.densities_db, rng)
+            draft.x += self.level * draft.reference_rms * noise
+            return
         # Noise from a transform is periodic: longer than the record, so that its end does not correlate with its start.
         apart = min(n, math.ceil(2 * draft.condition.fs_hz / self.low_hz))
         length = scipy.fft.next_fast_len(n + apart, real=True)

@@ -16,8 +16,9 @@ from numpy.typing import NDArray
 from twingap.effects import measurements
 from twingap.effects._features import SHAPE
 from twingap.effects._filtering import fast_length, filtered
+from twingap.effects._gains import check_places, minimum_phase
 from twingap.effects._spectral_fits import misfit_at_any_level, misfit_of_modes
-from twingap.effects.base import Effect, Stage, parameter
+from twingap.effects.base import Effect, Stage, parameter, profile
 from twingap.effects.draft import Draft
 from twingap.effects.drawing import log_uniform
 from twingap.effects.machine import Machine
@@ -43,7 +44,8 @@ _BEST_FITS: Final = 5
 class SensorRolloff(Effect):
     """A low-pass of the sensor or its mounting: roll-off above a corner frequency, the same in all records.
 
-    The response is an analogue Butterworth filter, exact up to half the sampling rate and for corners above it.
+    The response is an analogue Butterworth filter, exact up to half the sampling rate and for corners above it, or of
+    minimum phase with the gains that were measured.
     Disturbances are added after the sensor and keep their level. So does the twin's white noise, except for the part
     `background`, the broadband vibration of the machine (flow, seals, other bearings), which passes the sensor.
     """
@@ -70,6 +72,24 @@ class SensorRolloff(Effect):
     background: float = parameter(
         0.0, unit="", plausible=(0.0, 1.0), allowed=(0, 1), doc="part of the white noise's power that passes the sensor"
     )
+    frequencies_hz: tuple[float, ...] = profile((), unit="Hz", doc="frequencies of measured gains, increasing")
+    gains_db: tuple[float, ...] = profile(
+        (), unit="dB", allowed=(-150.0, 0.0), doc="gain at each, where measured; in place of corner and order"
+    )
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check_places(self, self.frequencies_hz, self.gains_db, "gains_db")
+
+    @property
+    def measured_parameters(self) -> frozenset[str]:
+        return frozenset({"corner_hz", "order"}) if self.frequencies_hz else frozenset()
+
+    def gain_db(self, frequencies_hz: Array) -> Array:
+        """Gain at these frequencies, dB."""
+        if self.frequencies_hz:
+            return np.asarray(np.interp(frequencies_hz, self.frequencies_hz, self.gains_db))
+        return np.asarray(-10 * np.log10(1 + (frequencies_hz / self.corner_hz) ** (2 * self.order)))
 
     def apply(self, draft: Draft, rng: np.random.Generator) -> None:
         fs_hz = draft.condition.fs_hz
@@ -81,8 +101,10 @@ class SensorRolloff(Effect):
         if self.background > 0:
             draft.sensed_noise.append((self.background, sensed))
 
-    def _response(self, n: int, fs_hz: float) -> Array:
+    def _response(self, n: int, fs_hz: float) -> NDArray[np.complex128]:
         """At the frequencies of a real transform of n samples."""
+        if self.frequencies_hz:
+            return minimum_phase(n, fs_hz, self.frequencies_hz, self.gains_db)
         return _low_pass(n, fs_hz, self.corner_hz, self.order)
 
     @classmethod
@@ -137,7 +159,7 @@ class SensorRolloff(Effect):
 
 
 @lru_cache(maxsize=16)
-def _low_pass(n: int, fs_hz: float, corner_hz: float, order: int) -> Array:
+def _low_pass(n: int, fs_hz: float, corner_hz: float, order: int) -> NDArray[np.complex128]:
     """Analogue Butterworth response at the frequencies of a real transform of n samples."""
     place = 1j * scipy.fft.rfftfreq(n, 1 / fs_hz)[:, None] / corner_hz
     poles = np.exp(1j * np.pi * (2 * np.arange(1, order + 1) + order - 1) / (2 * order))
@@ -148,6 +170,6 @@ def _low_pass(n: int, fs_hz: float, corner_hz: float, order: int) -> Array:
 class RealPoleRolloff(SensorRolloff):
     """Equal real poles, as many as the order (glue, cables, wax), with 3 dB at the same corner."""
 
-    def _response(self, n: int, fs_hz: float) -> Array:
+    def _response(self, n: int, fs_hz: float) -> NDArray[np.complex128]:
         pole_hz = self.corner_hz / math.sqrt(2 ** (1 / self.order) - 1)
         return np.asarray((1 + 1j * scipy.fft.rfftfreq(n, 1 / fs_hz) / pole_hz) ** -self.order)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import math
 from dataclasses import dataclass
 from functools import lru_cache
@@ -14,6 +13,7 @@ from numpy.typing import NDArray
 
 from twingap.effects import measurements
 from twingap.effects._filtering import fast_length, filtered
+from twingap.effects._gains import check_places, minimum_phase
 from twingap.effects._references import RANDALL_ANTONI
 from twingap.effects.base import Effect, Stage, parameter, profile
 from twingap.effects.by_state import ByState
@@ -21,12 +21,9 @@ from twingap.effects.draft import Draft
 from twingap.effects.impact_train import train_of
 from twingap.effects.modes import LEAD
 from twingap.effects.registry import register
-from twingap.errors import TwingapError
 
 Array = NDArray[np.float64]
 
-MOST_PLACES: Final = 512
-"""Largest number of frequencies of a response."""
 _GOLDEN: Final = 0.5 * (math.sqrt(5) - 1)
 """Step, modulo 1, of a sequence that fills its range evenly and whose neighbours lie far apart."""
 
@@ -134,31 +131,6 @@ def _plain(path: Effect | None) -> TransferPath | None:
     """A path, that of all states where it has values by state."""
     plain = path.base if isinstance(path, ByState) else path
     return plain if isinstance(plain, TransferPath) else None
-
-
-def check_places(effect: Effect, places: tuple[float, ...], values: tuple[float, ...], name: str) -> None:
-    """Raise an error unless there is one value at each of few enough, increasing places."""
-    where = f"effect {effect.name}"
-    if len(places) != len(values):
-        raise TwingapError(f"{len(places)} frequencies and {len(values)} {name}, as many expected", where=where)
-    if len(places) > MOST_PLACES:
-        raise TwingapError(f"{len(places)} frequencies, at most {MOST_PLACES} expected", where=where)
-    if any(later <= earlier for earlier, later in itertools.pairwise(places)):
-        raise TwingapError("frequencies do not increase", where=where, mend="sort them, each once")
-
-
-@lru_cache(maxsize=32)
-def minimum_phase(
-    n: int, fs_hz: float, frequencies_hz: tuple[float, ...], gains_db: tuple[float, ...], depth: float = 1.0
-) -> NDArray[np.complex128]:
-    """[n // 2 + 1] Response of minimum phase with these gains, at the frequencies of a real transform of n samples."""
-    f = scipy.fft.rfftfreq(n, 1 / fs_hz)
-    log_gain = depth * math.log(10) / 20 * np.interp(f, frequencies_hz, gains_db)
-    cepstrum = scipy.fft.irfft(log_gain, n)
-    # The causal part twice: the imaginary part of its transform is the phase that belongs to the gain.
-    cepstrum[1 : (n + 1) // 2] *= 2
-    cepstrum[n // 2 + 1 :] = 0
-    return np.asarray(np.exp(scipy.fft.rfft(cepstrum)))
 
 
 @lru_cache(maxsize=32)

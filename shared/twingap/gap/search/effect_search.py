@@ -27,6 +27,7 @@ from twingap.gap.search import unlearnt
 from twingap.gap.search.evidence import Compared, Evidence
 from twingap.gap.search.harmonics import with_measured_harmonics
 from twingap.gap.search.initial_values import better_initial, observations
+from twingap.gap.search.measured_forms import with_measured_forms
 from twingap.gap.search.optimise import not_farther, optimise, validation_distance
 from twingap.gap.search.parameter_prior import Key, Prior
 from twingap.gap.search.parameter_scale import coordinates, to_effect, to_number, to_value
@@ -351,6 +352,7 @@ class _Search:
         again = with_measured_harmonics(self.evidence, *last)
         if again and validation_distance(self.evidence, *again) <= validation_distance(self.evidence, *last):
             last = again
+        last = with_measured_forms(self.evidence, *last)
         self._store_values(last[1])
         return before, Compared(self.evidence, last[1], last[0])
 

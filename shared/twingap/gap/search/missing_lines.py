@@ -127,9 +127,7 @@ def missing_lines(
     )  # fmt: skip
 
 
-def _about_carriers(
-    lines: Sequence[CarrierLine], reference: float, common: LineSpectrum | None
-) -> dict[str, Any]:
+def _about_carriers(lines: Sequence[CarrierLine], reference: float, common: LineSpectrum | None) -> dict[str, Any]:
     """Parameters of the lines about carriers; those of all records where these are given."""
     if common is not None:
         return {name: getattr(common, name) for name in ("carriers_hz", "carrier_orders", "carrier_amplitudes")}
