@@ -16,6 +16,8 @@ from twingap.errors import TwingapError
 
 MOST_PLACES: Final = 512
 """Largest number of frequencies of a response."""
+_ALIKE_DB: Final = 0.5
+"""Difference that a shortened list may make, dB. A larger value gives shorter lists."""
 
 
 def check_places(effect: Effect, places: tuple[float, ...], values: tuple[float, ...], name: str) -> None:
@@ -27,6 +29,20 @@ def check_places(effect: Effect, places: tuple[float, ...], values: tuple[float,
         raise TwingapError(f"{len(places)} frequencies, at most {MOST_PLACES} expected", where=where)
     if any(later <= earlier for earlier, later in itertools.pairwise(places)):
         raise TwingapError("frequencies do not increase", where=where, mend="sort them, each once")
+
+
+def few_places(places: tuple[float, ...], values: tuple[float, ...]) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """The fewest of these places between which straight lines are within `_ALIKE_DB` of all values."""
+    if len(places) < 3:
+        return places, values
+    x, y = np.array(places), np.array(values)
+    kept = [0, len(places) - 1]
+    while len(kept) < len(places):
+        off = np.abs(np.interp(x, x[kept], y[kept]) - y)
+        if off.max() <= _ALIKE_DB:
+            break
+        kept = sorted({*kept, int(np.argmax(off))})
+    return tuple(float(f"{f:.4g}") for f in x[kept]), tuple(float(v) for v in y[kept].round(1))
 
 
 @lru_cache(maxsize=32)

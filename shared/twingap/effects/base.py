@@ -360,6 +360,11 @@ class Effect(ABC):
         return tuple(field for field in dataclasses.fields(cast(Any, cls)) if "profile" in field.metadata)
 
     @property
+    def listed_profiles(self) -> Mapping[str, tuple[float, ...]]:
+        """Its profiles as a report lists them, number by number."""
+        return {field.name: getattr(self, field.name) for field in self.profiles()}
+
+    @property
     def idle_parameters(self) -> frozenset[str]:
         """Parameters without influence at the values of others."""
         return frozenset()

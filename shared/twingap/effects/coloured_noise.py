@@ -17,7 +17,7 @@ from scipy import signal
 
 from twingap.effects import measurements
 from twingap.effects._features import SHAPE
-from twingap.effects._gains import check_places
+from twingap.effects._gains import check_places, few_places
 from twingap.effects._shaped_noise import shaped_noise
 from twingap.effects._spectral_fits import least_misfit
 from twingap.effects.base import Effect, Stage, parameter, profile
@@ -78,6 +78,11 @@ class ColouredNoise(Effect):
         (), unit="dB of the noise's power per Hz", allowed=(-300.0, 100.0),
         doc="density at each, where measured; in place of slope and band",
     )  # fmt: skip
+
+    @property
+    def listed_profiles(self) -> Mapping[str, tuple[float, ...]]:
+        places, values = few_places(self.frequencies_hz, self.densities_db)
+        return {"frequencies_hz": places, "densities_db": values}
 
     @property
     def measured_parameters(self) -> frozenset[str]:

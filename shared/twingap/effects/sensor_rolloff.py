@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from twingap.effects import measurements
 from twingap.effects._features import SHAPE
 from twingap.effects._filtering import fast_length, filtered
-from twingap.effects._gains import check_places, minimum_phase
+from twingap.effects._gains import check_places, few_places, minimum_phase
 from twingap.effects._spectral_fits import misfit_at_any_level, misfit_of_modes
 from twingap.effects.base import Effect, Stage, parameter, profile
 from twingap.effects.draft import Draft
@@ -80,6 +80,11 @@ class SensorRolloff(Effect):
     def __post_init__(self) -> None:
         super().__post_init__()
         check_places(self, self.frequencies_hz, self.gains_db, "gains_db")
+
+    @property
+    def listed_profiles(self) -> Mapping[str, tuple[float, ...]]:
+        places, values = few_places(self.frequencies_hz, self.gains_db)
+        return {"frequencies_hz": places, "gains_db": values}
 
     @property
     def measured_parameters(self) -> frozenset[str]:

@@ -33,8 +33,6 @@ _LIKELY: Final = 0.02
 """Probability below which the baseline is not matched anew for a candidate, and one simulation is used. A smaller
 value takes longer."""
 
-_MOST_LISTED: Final = 40
-"""Longest list whose numbers a report shows. A larger value shows spectra of a hundred bands number by number."""
 _NEVER_ACTS: Final = "none of the values tried lets it act on every record"
 """Why an effect without a detector has no fitted values."""
 
@@ -143,7 +141,7 @@ def _values(found: Estimated) -> Mapping[str, ParameterValue]:
 def values_of_effect(effect: Effect, intervals: Mapping[str, tuple[float, float]]) -> Mapping[str, ParameterValue]:
     """Values of an effect by parameter, with unit and, where given, 90 % interval.
 
-    Of spectra, which the closest twin's file holds, their lengths; of short lists each number, as "amplitudes.1".
+    Of spectra, which the closest twin's file holds, their lengths; of other lists each number, as "amplitudes.1".
     """
     base = effect.base if isinstance(effect, ByState) else effect
     values = {
@@ -152,8 +150,8 @@ def values_of_effect(effect: Effect, intervals: Mapping[str, tuple[float, float]
         if field.name not in base.idle_parameters
     }
     for field in base.profiles():
-        numbers, unit = getattr(base, field.name), field.metadata["unit"]
-        if base.measured or len(numbers) > _MOST_LISTED:
+        numbers, unit = base.listed_profiles[field.name], field.metadata["unit"]
+        if base.measured:
             values[field.name] = ParameterValue(float(len(numbers)), "values")
         else:
             values |= {f"{field.name}.{k}": ParameterValue(float(v), unit) for k, v in enumerate(numbers, start=1)}

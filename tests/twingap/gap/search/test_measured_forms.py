@@ -85,3 +85,15 @@ def test_measured_forms_are_simulated_as_stated() -> None:
     for low, high, level in ((100, 900, -33.0), (1200, 4800, -43.0)):
         inside = (hz > low) & (hz < high)
         assert 10 * np.log10(power[inside].mean()) == pytest.approx(level, abs=0.5)
+
+
+def test_a_report_lists_as_few_numbers_as_describe_the_form() -> None:
+    """So that they can be pasted into a twin file, which then simulates the same within half a decibel."""
+    places = np.linspace(0.0, 5000.0, 122)
+    gains = -10 * np.log10(1 + (places / 2000.0) ** 6)
+    rolloff = SensorRolloff(frequencies_hz=tuple(places.tolist()), gains_db=tuple(gains.tolist()))
+    listed = rolloff.listed_profiles
+    assert len(listed["frequencies_hz"]) == len(listed["gains_db"]) < 25
+    short = SensorRolloff(**listed)
+    np.testing.assert_allclose(short.gain_db(places), gains, atol=0.6)
+    assert not any(SensorRolloff().listed_profiles.values())
