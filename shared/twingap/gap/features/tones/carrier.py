@@ -16,7 +16,7 @@ from typing import Final
 
 import numpy as np
 
-from twingap.gap.features.tones.side_pairs import SidePair, log_power, strongest_pair
+from twingap.gap.features.tones.side_pairs import SidePair, strongest_pair
 from twingap.gap.features.tones.whitened_spectra import MOST_Z, Mean, Single, Whitened, combined_z
 from twingap.records import Array
 from twingap.signal.record_transforms import medians
@@ -73,7 +73,7 @@ def measure(hz: Mean, records: Sequence[Whitened], deviates: Sequence[Single]) -
     """
     out = dict.fromkeys(NAMES, math.nan)
     top = 0.5 * min(r.fs_hz for r in records)
-    pair = strongest_pair(records, [log_power(record) for record in records])
+    pair = strongest_pair(records)
     if pair is not None:
         values = (pair.z, pair.part, math.log(pair.carrier_hz / (2 * top)), pair.order, pair.level_log)
         out |= dict(zip(_PAIR, values, strict=True))

@@ -68,28 +68,29 @@ class SidePair(NamedTuple):
         return self.z > (1 / _FIRST if same else 1.0) * other.z
 
 
-def strongest_pair(records: Sequence[Whitened], logs: Sequence[Single]) -> SidePair | None:
-    """The strongest pair of a set of records with the `log_power` [bins] of each; None where no centre is possible."""
+def strongest_pair(records: Sequence[Whitened], logs: Sequence[Single] = ()) -> SidePair | None:
+    """The strongest pair of a set of records; None where no centre is possible.
+
+    `logs` are the `log_power` [bins] of each record, where lines have been taken out of it.
+    """
     reach_hz = (_ORDERS[-1] + 1) * max(r.shaft_hz for r in records)
     low_hz, top_hz = max(_LOWEST_HZ, reach_hz), min(r.fs_hz for r in records) / 2 - reach_hz
     step_hz = max(max(r.df_hz for r in records), _DRIFT * low_hz)
     centres = np.arange(low_hz, top_hz, step_hz)
     if centres.size < 100:
         return None
-    own = [_Sides(record, values, 0.0) for record, values in zip(records, logs, strict=True)]
-    middle = _mean([side.at(centres, 0) for side in own])
+    middle, _ = _over_records(records, logs, 0.0, centres, (0,))
     best: SidePair | None = None
     for order in _ORDERS:
-        own = [_Sides(record, values, float(order)) for record, values in zip(records, logs, strict=True)]
-        weaker = np.minimum(*(_mean([side.at(centres, sign) for side in own]) for sign in (-1, 1)))
+        weaker, sides = _over_records(records, logs, float(order), centres, (-1, 1))
         weaker[middle > _CENTRE * weaker] = -np.inf
         for _ in range(_CANDIDATES):
             place = int(np.argmax(weaker))
             if not np.isfinite(weaker[place]):
                 break
-            found = _examined(own, float(centres[place]), float(order))
+            found = _examined(sides, float(centres[place]), float(order))
             best = found if best is None or found.exceeds(best) else best
-            near = int(np.ceil(max(side.half * side.record.df_hz for side in own) / step_hz)) + 1
+            near = int(np.ceil(max(side.half * side.record.df_hz for side in sides) / step_hz)) + 1
             weaker[max(place - near, 0) : place + near + 1] = -np.inf
     return best
 
@@ -100,37 +101,59 @@ def log_power(record: Whitened) -> Single:
 
 
 class _Sides:
-    """Power of one record where it may have the lines of a pair at a distance of `order` shaft orders."""
+    """Power of one record where it may have the lines of a pair at a distance of `order` shaft orders.
 
-    def __init__(self, record: Whitened, logs: Single, order: float) -> None:
-        self.record, self.logs = record, logs
+    Its heights at all bins are kept until `forget`: those of many long records together would fill the memory.
+    """
+
+    def __init__(self, record: Whitened, logs: Single | None, order: float) -> None:
+        self.record, self._given = record, logs
         self.off_hz = order * record.shaft_hz
         self.half = 1 + round((_SLACK * self.off_hz + _DRIFT * record.fs_hz / 8) / record.df_hz)
-        highest = maximum_filter1d(logs, 2 * self.half + 1).astype(float)
+        highest = maximum_filter1d(self._logs(), 2 * self.half + 1).astype(float)
         self.middle = float(medians(highest))
         self.spread = max(1.4826 * float(medians(np.abs(highest - self.middle))), 0.1)
-        self.heights = np.minimum((highest - self.middle) / self.spread, _MOST)
-
-    def bins(self, centres: Array, sign: int) -> NDArray[np.int64]:
-        """[centres] Bins of the line on one side, 0 for the centre itself."""
-        bins: NDArray[np.int64] = np.rint((centres + sign * self.off_hz) / self.record.df_hz).astype(np.int64)
-        return np.clip(bins, 0, self.heights.size - 1)
+        self._highest = highest
 
     def at(self, centres: Array, sign: int) -> Array:
         """[centres] Height of the line on one side."""
-        return np.asarray(self.heights[self.bins(centres, sign)])
+        return np.minimum((self._highest[self._bins(centres, sign)] - self.middle) / self.spread, _MOST)
 
     def line(self, centre_hz: float, sign: int) -> tuple[float, float]:
         """Frequency, Hz, and height of the highest bin on one side."""
-        (at,) = self.bins(np.array([centre_hz]), sign)
+        (at,) = self._bins(np.array([centre_hz]), sign)
         low = max(int(at) - self.half, 0)
-        place = low + int(np.argmax(self.logs[low : at + self.half + 1]))
-        return place * self.record.df_hz, min((float(self.logs[place]) - self.middle) / self.spread, _MOST)
+        near = self._logs(slice(low, int(at) + self.half + 1))
+        place = low + int(np.argmax(near))
+        return place * self.record.df_hz, min((float(near.max()) - self.middle) / self.spread, _MOST)
+
+    def forget(self) -> None:
+        """Give back the memory of all bins: `line` does without them."""
+        self._highest = np.empty(0)
+
+    def _logs(self, bins: slice = slice(None)) -> Single:
+        """Log power of some bins."""
+        if self._given is not None:
+            return self._given[bins]
+        return np.maximum(self.record.logs[bins].astype(np.float32), np.float32(0))
+
+    def _bins(self, centres: Array, sign: int) -> NDArray[np.int64]:
+        """[centres] Bins of the line on one side, 0 for the centre itself."""
+        bins: NDArray[np.int64] = np.rint((centres + sign * self.off_hz) / self.record.df_hz).astype(np.int64)
+        return np.clip(bins, 0, self.record.logs.size - 1)
 
 
-def _mean(heights: Sequence[Array]) -> Array:
-    """[centres] z of a line in all records."""
-    return np.asarray(np.sum(heights, axis=0) / np.sqrt(len(heights)))
+def _over_records(
+    records: Sequence[Whitened], logs: Sequence[Single], order: float, centres: Array, signs: Sequence[int]
+) -> tuple[Array, list[_Sides]]:
+    """[centres] z of the weaker of the lines on these sides in all records, and the sides of each record."""
+    totals, sides = np.zeros((len(signs), centres.size)), []
+    for place, record in enumerate(records):
+        side = _Sides(record, logs[place] if logs else None, order)
+        totals += [side.at(centres, sign) for sign in signs]
+        side.forget()
+        sides.append(side)
+    return np.asarray(totals.min(axis=0) / np.sqrt(len(records))), sides
 
 
 def _examined(sides: Sequence[_Sides], centre_hz: float, order: float) -> SidePair:

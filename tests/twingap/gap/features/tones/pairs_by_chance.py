@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from scipy.stats import binomtest
 
 from twingap.gap.features.tones.carrier import CERTAIN
-from twingap.gap.features.tones.side_pairs import SidePair, log_power, strongest_pair
+from twingap.gap.features.tones.side_pairs import SidePair, strongest_pair
 from twingap.gap.features.tones.whitened_spectra import whiten
 from twingap.rigs.worlds import World, cases, make_world
 from twingap.signal.record_transforms import Frame, RecordTransforms
@@ -29,7 +29,7 @@ def pair_of(world: World) -> SidePair | None:
     """The strongest pair of a world's records, at the stated speeds."""
     frame = Frame(world.records.bearing, (0.0, world.layout.fs_hz / 2), 1.0)
     white = [whiten(RecordTransforms(r.samples, r.condition, frame)) for r in world.records]
-    return strongest_pair(white, [log_power(record) for record in white])
+    return strongest_pair(white)
 
 
 def main(seed: int, count: int) -> None:

@@ -11,7 +11,7 @@ import pytest
 from twingap.bearing import BEARINGS
 from twingap.effects import Effect, LineSpectrum, make_effect
 from twingap.gap.features.tones.carrier import CERTAIN
-from twingap.gap.features.tones.side_pairs import SidePair, log_power, strongest_pair
+from twingap.gap.features.tones.side_pairs import SidePair, strongest_pair
 from twingap.gap.features.tones.whitened_spectra import whiten
 from twingap.records import Condition
 from twingap.signal.record_transforms import Frame, RecordTransforms
@@ -37,7 +37,7 @@ def pair_of(
         )
         for r, c in zip(records, made, strict=True)
     ]
-    found = strongest_pair(white, [log_power(record) for record in white])
+    found = strongest_pair(white)
     assert found is not None
     return found
 
