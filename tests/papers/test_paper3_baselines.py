@@ -11,6 +11,7 @@ import pytest
 
 from papers.extra.baselines import jobs, population_twin
 from papers.extra.baselines import study as tables
+from papers.extra.baselines.adaptation import PLAIN, SETTINGS, adapted, scores
 from papers.extra.layers import jobs as layers
 from papers.extra.layers.study import STUDY as LAYERS
 from papers.paper3_zoa_dann.comparison.task_files import Material
@@ -62,20 +63,21 @@ def test_every_method_undoes_a_linear_change_of_the_features() -> None:
     (source, labels), (target, _), (judged, truth) = rows(60), rows(60), rows(40)
     right = {
         method: [
-            jobs.scores(
-                jobs.adapted(method, setting, source, labels, target @ change + moved)(judged @ change + moved), truth
+            scores(
+                adapted(method, setting, source, labels, target @ change + moved)(judged @ change + moved),
+                truth,
             )
             for setting in settings
         ]
-        for method, settings in jobs.SETTINGS.items()
+        for method, settings in SETTINGS.items()
     }
     best = {method: max(own["accuracy"] for own in each) for method, each in right.items()}
-    assert best[jobs.PLAIN] < 0.9 and all(own == 1.0 for method, own in best.items() if method != jobs.PLAIN), best
+    assert best[PLAIN] < 0.9 and all(own == 1.0 for method, own in best.items() if method != PLAIN), best
 
 
 def test_scores_are_those_of_the_classes_present() -> None:
     told = np.array([[0.1, 0.8, 0.1], [0.1, 0.2, 0.7], [0.2, 0.3, 0.5], [0.6, 0.3, 0.1]])
-    found = jobs.scores(told, np.array([1, 1, 2, 2]))
+    found = scores(told, np.array([1, 1, 2, 2]))
     assert found["accuracy"] == 0.5
     assert found["macro_f1"] == pytest.approx((2 / 3 + 0.5) / 2)
     assert found["auroc"] == pytest.approx((0.5 + 0.375) / 2)
@@ -105,7 +107,7 @@ def test_the_choice_does_not_see_the_labels_of_the_target(
 ) -> None:
     job = trial_of(source, recipe)
     found = jobs.run_trial(job, material, labelled, TWIN)
-    assert set(found) == {*jobs.SETTINGS, jobs.NETWORK}
+    assert set(found) == {*SETTINGS, jobs.NETWORK}
     turned = dataclasses.replace(material.evaluate, labels=(material.evaluate.labels + 1) % 3)  # type: ignore[operator]
     other = jobs.run_trial(job, dataclasses.replace(material, evaluate=turned), labelled, TWIN)
     for method, own in found.items():
@@ -115,7 +117,7 @@ def test_the_choice_does_not_see_the_labels_of_the_target(
 
 def test_real_labels_teach_without_adaptation_alone(recipe: Recipe, material: Material, labelled: Windows) -> None:
     found = jobs.run_trial(trial_of(jobs.REAL, recipe), material, labelled, TWIN)
-    assert list(found) == [jobs.PLAIN, jobs.NETWORK]
+    assert list(found) == [PLAIN, jobs.NETWORK]
 
 
 @pytest.mark.parametrize("source", [jobs.CONTACT, jobs.FLEETS, jobs.POPULATION])
@@ -190,11 +192,11 @@ def test_tests_are_of_pairs_of_task_and_seed() -> None:
             "auroc": 0.5,
         }
         for base, (task, seed) in zip((0.1, 0.3, 0.5, 0.7), (("A1", 0), ("A1", 1), ("A2", 0), ("A2", 1)), strict=True)
-        for method in (jobs.PLAIN, "CORAL")
+        for method in (PLAIN, "CORAL")
     )  # fmt: skip
     (row,) = tables.tests(rows).to_dict("records")
     assert (
-        row["against"] == jobs.PLAIN
+        row["against"] == PLAIN
         and row["gain"] == pytest.approx(10)
         and (row["pairs"], row["won"]) == (4, 4)
         and row["p"] == 2 / 16
@@ -202,7 +204,7 @@ def test_tests_are_of_pairs_of_task_and_seed() -> None:
     other = rows.assign(source=jobs.POPULATION, accuracy=rows["accuracy"] - 0.05)
     *_, last, against = tables.tests(pd.concat([rows, other])).to_dict("records")
     assert [(r["source"], r["method"], r["against"]) for r in (last, against)] == [
-        (jobs.POPULATION, method, jobs.CONTACT) for method in (jobs.PLAIN, "CORAL")
+        (jobs.POPULATION, method, jobs.CONTACT) for method in (PLAIN, "CORAL")
     ]
     assert against["gain"] == pytest.approx(-5) and (against["lost"], against["p_holm"]) == (4, 2 * 2 / 16)
     means = tables.means(rows).set_index("method")

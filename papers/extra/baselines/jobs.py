@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from papers.arrays import Array
+from papers.extra.baselines.adaptation import PLAIN, SETTINGS, Labels, chosen, scores
 from papers.extra.baselines.population_twin import BARE, Fit, fit_population, pieces
 from papers.framework import Result, Work
 from papers.paper3_zoa_dann.comparison.jobs import Cell, Prepared, cells, prepared
@@ -29,30 +30,16 @@ from papers.paper3_zoa_dann.inputs.options import read_options as read_common
 from papers.paper3_zoa_dann.source import Recipe, simulate
 from twingap import Bearing, Condition, RecordSet, TwingapError, classify
 from twingap import simulate as simulate_twin
-from twingap.adapt import CRITERIA, Evidence, ModeInputs, Outputs, Training, Windows, cut, fit, joined, outputs
+from twingap.adapt import ModeInputs, Training, Windows, cut, fit, joined, outputs
 from twingap.adapt.order_features import order_features
 from twingap.provenance import digest_of_value
 from twingap.twins.population import machines
 from twingap.twins.twin_file import TwinSpec
 
-Labels = NDArray[np.int64]
-
 CONTACT, FLEETS, POPULATION, REAL = SOURCES = ("contact twin", "simulated fleets", "population twin", "real labels")
 """Where the labelled windows come from."""
-PLAIN: Final = "No adaptation"
-SETTINGS: Final[Mapping[str, tuple[Any, ...]]] = {
-    PLAIN: (0.01, 0.1, 1.0),
-    "CORAL": ("auto", 0.1, 0.5),
-    "Subspace alignment": (5, 10, 20),
-    "LinOT": (0.001, 0.01, 0.1),
-    "JDOT": (0.1, 0.5, 0.9),
-}
-"""Method -> settings to choose from without target labels: inverse penalty of the classifier, shrinkage of the
-covariances, components, ridge of the covariances, weight of the labels in the transport's cost."""
 NETWORK: Final = "Network"
 """Network of Non-DA on envelope spectra of the modes, without adaptation."""
-PENALTY: Final = 0.1
-"""Inverse penalty of the logistic regression behind every adaptation; smaller makes flatter probabilities."""
 MOST: Final = 1000  # most source windows; the transport of JDOT takes time in proportion
 
 
@@ -162,76 +149,12 @@ def run_trial(
     return found | {NETWORK: _at(net.place, told, truth, seen) | {"setting": f"checkpoint {net.place + 1}"}}
 
 
-def chosen(
-    method: str, rows: Array, labels: Labels, target: Array, criterion: str
-) -> tuple[int, list[Callable[[Array], Array]]]:
-    """Fit a method with each of its settings; place of the one chosen without target labels, and `adapted` of each."""
-    fitted = [adapted(method, setting, rows, labels, target) for setting in SETTINGS[method]]
-    evidence = [Evidence(_outputs(each, rows), labels, _outputs(each, target)) for each in fitted]
-    return int(np.argmax([CRITERIA[criterion](own) for own in evidence])), fitted
-
-
 def _at(place: int, told: Sequence[Array], truth: Labels, seen: NDArray[np.bool_]) -> dict[str, Any]:
     def of(windows: NDArray[np.bool_]) -> dict[str, float]:
         every = [scores(probabilities[windows], truth[windows]) for probabilities in told]
         return every[place] | {"oracle": max(own["accuracy"] for own in every)}
 
     return of(np.ones_like(seen)) | {"unseen": of(seen) if seen.any() else None}
-
-
-def adapted(method: str, setting: Any, rows: Array, labels: Labels, target: Array) -> Callable[[Array], Array]:
-    """Fit one method of `SETTINGS` to labelled rows and unlabelled target rows [rows, features]: a function from target
-    rows to probabilities [rows, classes]."""
-    import sklearn
-    from sklearn.linear_model import LogisticRegression
-    from sklearn.pipeline import make_pipeline
-    from sklearn.preprocessing import StandardScaler
-
-    if method == PLAIN:
-        model = make_pipeline(StandardScaler(), LogisticRegression(C=setting, max_iter=2000)).fit(rows, labels)
-        return lambda x: np.asarray(model.predict_proba(x))
-    # skada changes scikit-learn's settings for the whole process.
-    with sklearn.config_context(enable_metadata_routing=True):
-        try:
-            import skada
-        except ModuleNotFoundError:
-            raise TwingapError(f"{method} needs skada", mend='pip install "twingap[papers]"') from None
-        base = LogisticRegression(C=PENALTY, max_iter=2000)
-        adapters: dict[str, Callable[[], tuple[Any, ...]]] = {
-            "CORAL": lambda: (skada.CORALAdapter(reg=setting), base),
-            "Subspace alignment": lambda: (
-                skada.SubspaceAlignmentAdapter(min(setting, *target.shape), random_state=0), base,
-            ),
-            "LinOT": lambda: (skada.LinearOTMappingAdapter(reg=setting), base),
-            "JDOT": lambda: (skada.JDOTClassifier(base, alpha=setting),),
-        }  # fmt: skip
-        pipeline = skada.make_da_pipeline(StandardScaler(), *adapters[method]())
-        domain = np.repeat([1, -2], [len(rows), len(target)])
-        masked = np.concatenate([labels, np.full(len(target), -1)])
-        pipeline.fit(np.concatenate([rows, target]), masked, sample_domain=domain)
-
-    def probabilities(x: Array) -> Array:
-        with sklearn.config_context(enable_metadata_routing=True):
-            return np.asarray(pipeline.predict_proba(x))
-
-    return probabilities
-
-
-def scores(probabilities: Array, labels: Labels) -> dict[str, float]:
-    """Accuracy, macro-F1 and macro-AUROC (one against the rest), over the classes that are among the labels."""
-    from sklearn.metrics import f1_score, roc_auc_score
-
-    present, predicted = np.unique(labels), probabilities.argmax(axis=1)
-    return {
-        "accuracy": float(np.mean(predicted == labels)),
-        "macro_f1": float(f1_score(labels, predicted, labels=present, average="macro", zero_division=0)),
-        "auroc": float(np.mean([roc_auc_score(labels == c, probabilities[:, c]) for c in present])),
-    }
-
-
-def _outputs(probabilities: Callable[[Array], Array], rows: Array) -> Outputs:
-    told = np.log(np.maximum(probabilities(rows), 1e-12)).astype(np.float32)
-    return Outputs(told, rows.astype(np.float32))
 
 
 def source_windows(job: Trial, labelled: Windows, twin: Mapping[str, Any]) -> Windows:

@@ -5,6 +5,7 @@ from importlib.util import find_spec
 import pandas as pd
 
 from papers.extra.baselines import jobs
+from papers.extra.baselines.adaptation import PLAIN
 from papers.framework import Rows, Step, Study, Work, as_table
 from papers.paper3_zoa_dann.comparison.jobs import Options, load_tasks
 from papers.paper3_zoa_dann.significance import corrected, paired
@@ -45,7 +46,7 @@ def tests(rows: pd.DataFrame) -> Rows:
         of = part.pivot_table(index=["task", "seed"], columns=["source", "method"], values="accuracy", sort=False)
         keys: list[tuple[str, str]] = [*of.columns]
         sources = dict.fromkeys(source for source, _ in keys)
-        pairs = [(key, (key[0], jobs.PLAIN), jobs.PLAIN) for key in keys if key[1] != jobs.PLAIN]
+        pairs = [(key, (key[0], PLAIN), PLAIN) for key in keys if key[1] != PLAIN]
         families = [[pair for pair in pairs if pair[0][0] == source] for source in sources]
         drawn = [key for key in keys if key[0] == jobs.POPULATION]
         others = [name for name in (jobs.CONTACT, jobs.FLEETS) if name in sources]
