@@ -1,6 +1,8 @@
 """Shallow domain adaptation of feature rows by skada, with a setting chosen without target labels, and scores."""
 
 from collections.abc import Callable, Mapping
+from importlib.util import find_spec
+from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
@@ -24,6 +26,10 @@ SETTINGS: Final[Mapping[str, tuple[Any, ...]]] = {
 covariances, components, ridge of the covariances, weight of the labels in the transport's cost."""
 PENALTY: Final = 0.1
 """Inverse penalty of the logistic regression behind every adaptation; smaller makes flatter probabilities."""
+
+
+def skada_at_hand(root: Path | None) -> bool:
+    return find_spec("skada") is not None
 
 
 def chosen(

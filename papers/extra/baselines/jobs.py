@@ -23,8 +23,8 @@ from papers.arrays import Array
 from papers.extra.baselines.adaptation import PLAIN, SETTINGS, Labels, chosen, scores
 from papers.extra.baselines.population_twin import BARE, Fit, fit_population, pieces
 from papers.framework import Result, Work
-from papers.paper3_zoa_dann.comparison.jobs import Cell, Prepared, cells, prepared
-from papers.paper3_zoa_dann.comparison.task_files import Material, TaskFile, split, windows_to_adapt_to
+from papers.paper3_zoa_dann.comparison.jobs import Prepared, balanced_cells, prepared
+from papers.paper3_zoa_dann.comparison.task_files import Material, split, windows_to_adapt_to
 from papers.paper3_zoa_dann.comparison.trial import fleets
 from papers.paper3_zoa_dann.inputs.options import read_options as read_common
 from papers.paper3_zoa_dann.source import Recipe, simulate
@@ -74,7 +74,7 @@ def trials(ready: Prepared, task: str, work: Work) -> Iterator[Trial]:
 def results(work: Work) -> Iterator[tuple[str, Result[Trial]]]:
     """Every trial with the title of its data; balanced data, no noise added."""
     for task, target in work["tasks"]:
-        for ready in prepared(work, task, target, _balanced(task, work)):
+        for ready in prepared(work, task, target, balanced_cells(task, work)):
             labelled = windows_to_adapt_to(task, target.records, "balanced", ready.cell.unseen)
             twin = work["twins"][task.name, ready.cell.unseen]
             made = work.sweep(
@@ -91,7 +91,7 @@ def population_twins(work: Work) -> dict[tuple[str, float | None], dict[str, Any
     records: dict[str, RecordSet] = {}
     asked: dict[tuple[str, float | None], tuple[Fit, dict[str, str]]] = {}
     for task, target in work["tasks"]:
-        for unseen in dict.fromkeys(cell.unseen for cell in _balanced(task, work)):
+        for unseen in dict.fromkeys(cell.unseen for cell in balanced_cells(task, work)):
             recordings = split(task, target.records, unseen)[0].adapt
             own = pieces(recordings)
             states = states_without_labels(recordings, task.classes)
@@ -115,10 +115,6 @@ def states_without_labels(recordings: RecordSet, classes: Sequence[str]) -> dict
     for name, row in zip(found.names, found.probabilities, strict=True):
         total[group[name]] = total.get(group[name], 0) + row[allowed]
     return {name: classes[int(row.argmax())] for name, row in total.items()}
-
-
-def _balanced(task: TaskFile, work: Work) -> list[Cell]:
-    return [cell for cell in cells(task, work.size, work.seed) if cell.available == "balanced"]
 
 
 def run_trial(

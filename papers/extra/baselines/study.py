@@ -1,11 +1,9 @@
 """Study of baselines, configured as the comparison: trials; means by data set, source and method; tests; twins."""
 
-from importlib.util import find_spec
-
 import pandas as pd
 
 from papers.extra.baselines import jobs
-from papers.extra.baselines.adaptation import PLAIN
+from papers.extra.baselines.adaptation import PLAIN, skada_at_hand
 from papers.framework import Rows, Step, Study, Work, as_table
 from papers.paper3_zoa_dann.comparison.jobs import Options, load_tasks
 from papers.paper3_zoa_dann.significance import corrected, paired
@@ -92,5 +90,5 @@ STUDY = Study(
         "baselines-twins": twins,
     },
     headlines=("baselines-mean",),
-    at_hand=lambda root: find_spec("skada") is not None,
+    at_hand=skada_at_hand,
 )
