@@ -19,7 +19,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from papers.arrays import Array
-from papers.extra.baselines.jobs import PLAIN, SETTINGS, chosen, scores
+from papers.extra.baselines.adaptation import PLAIN, SETTINGS, Labels, chosen, scores
 from papers.framework import Result, Work
 from papers.options import expect
 from twingap import Condition, RecordSet, TwingapError
@@ -32,7 +32,6 @@ from twingap.provenance import digest_of_path, digest_of_value
 from twingap.signal.features import time_features
 from twingap.twins.twin_file import TwinSpec
 
-Labels = NDArray[np.int64]
 Rows = Mapping[str, NDArray[Any]]
 """Features by view [windows, features], with the ``label`` and the ``recording`` of each window."""
 

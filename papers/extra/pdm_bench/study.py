@@ -1,9 +1,8 @@
 """Study of pdm-bench's scenarios, and its tables: what was at hand, every trial, means over seeds."""
 
-from importlib.util import find_spec
-
 import pandas as pd
 
+from papers.extra.baselines.adaptation import skada_at_hand
 from papers.extra.pdm_bench import jobs
 from papers.framework import Rows, Step, Study, Work, as_table
 
@@ -53,5 +52,5 @@ STUDY = Study(
         "pdm_bench-mean": lambda work: means(work.tables["pdm_bench"]),
     },
     headlines=("pdm_bench-scenarios", "pdm_bench-mean"),
-    at_hand=lambda root: find_spec("skada") is not None,
+    at_hand=skada_at_hand,
 )

@@ -14,7 +14,7 @@ from collections.abc import Iterator
 from typing import Final
 
 from papers.framework import Result, Work
-from papers.paper3_zoa_dann.comparison.jobs import Options, Prepared, cells, kept_modes, prepared
+from papers.paper3_zoa_dann.comparison.jobs import Options, Prepared, balanced_cells, kept_modes, prepared
 from papers.paper3_zoa_dann.comparison.task_files import TaskFile
 from papers.paper3_zoa_dann.comparison.trial import CLOSED, Trial, run_trial
 from papers.paper3_zoa_dann.inputs import options as frame
@@ -39,8 +39,7 @@ def trials(ready: Prepared, task: TaskFile, options: Options, common: frame.Opti
 def networks(work: Work) -> Iterator[tuple[str, Result[Trial]]]:
     options, common, size = work.options, frame.read_options(), work.size
     for task, target in work["tasks"]:
-        balanced = [cell for cell in cells(task, size, work.seed) if cell.available == "balanced"]
-        chosen = [cell for cell in balanced if (cell.unseen is None) == task.same_bearings]
+        chosen = [cell for cell in balanced_cells(task, work) if (cell.unseen is None) == task.same_bearings]
         for ready in prepared(work, task, target, chosen):
             jobs = trials(ready, task, options, common, size.steps)
             with kept_modes(work.out) as modes:

@@ -123,6 +123,11 @@ def cells(task: TaskFile, size: Size, seed: int) -> Iterator[Cell]:
                 yield Cell("balanced", unseen, own, ((),) * len(size.snr_db))
 
 
+def balanced_cells(task: TaskFile, work: Work) -> list[Cell]:
+    """Those of balanced data, for studies that have no other."""
+    return [cell for cell in cells(task, work.size, work.seed) if cell.available == "balanced"]
+
+
 def trials(
     task: TaskFile, cell: Cell, recipe: Recipe, options: Options, common: frame.Options, size: Size, seed: int
 ) -> Iterator[Trial]:

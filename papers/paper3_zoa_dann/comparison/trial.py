@@ -25,7 +25,7 @@ from papers.paper3_zoa_dann.yardsticks import analyst
 from twingap import Condition
 from twingap import adapt as adaptation
 from twingap.adapt import METHODS, Fitted, Fleets, Judged, ModeInputs, Population, Training, Windows, joined, judge
-from twingap.adapt.order_forest import MOST_MEMBERS, Examples, OrderForest, examples, train_forest
+from twingap.adapt.order_forest import MOST_MEMBERS, OrderForest, examples, train_forest
 from twingap.twins.twin_file import TwinSpec
 
 ANALYST: Final = "Analyst's rule"
@@ -134,17 +134,17 @@ def _by_orders(trial: Trial, evaluate: Windows, adapt: Windows, material: Materi
 @lru_cache(maxsize=4)
 def _forest(recipe: Recipe, seed: int) -> OrderForest:
     """Trees that have seen fleets at the speeds to be judged."""
-    shown = fleet_examples(recipe, seed, max(2, recipe.bearings_per_class * FLEETS_PER_BEARING))
+    rng, count = np.random.default_rng([recipe.seed, seed, 60]), recipe.bearings_per_class * FLEETS_PER_BEARING
+    shown = examples(fleets(recipe), max(2, count), recipe.window_samples, 2, rng)
     return train_forest(shown, recipe.bearing, len(recipe.classes), seed)
 
 
-def fleet_examples(recipe: Recipe, seed: int, count: int) -> Examples:
-    """Windows of `count` fleets at the speeds to be judged; path and noise are open, nothing is identified."""
+def fleets(recipe: Recipe) -> Fleets:
+    """Fleets at the speeds to be judged; path and noise are open, nothing is identified."""
     length = 2 * recipe.window_samples
     conditions = tuple(Condition(f"{speed:g}", speed, recipe.fs_hz, length) for speed in recipe.speeds_rpm)
     population = Population(TwinSpec("phenomenological"), recipe.bearing, "", conditions, frozenset(), length)
-    rng = np.random.default_rng([recipe.seed, seed, 60])
-    return examples(Fleets(population, MOST_MEMBERS, recipe.classes), count, recipe.window_samples, 2, rng)
+    return Fleets(population, MOST_MEMBERS, recipe.classes)
 
 
 def _unchosen(told: Any, evaluate: Windows, material: Material) -> dict[str, Any]:
