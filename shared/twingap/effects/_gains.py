@@ -32,7 +32,7 @@ def check_places(effect: Effect, places: tuple[float, ...], values: tuple[float,
 
 
 def few_places(places: tuple[float, ...], values: tuple[float, ...]) -> tuple[tuple[float, ...], tuple[float, ...]]:
-    """The fewest of these places between which straight lines are within `_ALIKE_DB` of all values."""
+    """A few of these places between which straight lines are within `_ALIKE_DB` of all values, and their values."""
     if len(places) < 3:
         return places, values
     x, y = np.array(places), np.array(values)

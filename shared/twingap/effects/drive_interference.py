@@ -19,12 +19,14 @@ from twingap.effects.machine import Machine
 from twingap.effects.observations import Observations
 from twingap.effects.registry import register
 
-_CERTAIN: Final = math.log1p(8.0)
-"""Compressed z from which such a pair is certain: machines without a drive reach it in less than one of 200 cases."""
+CERTAIN_PAIR: Final = 8.0
+"""z of a pair of lines without a line between them from which it is a drive's: fewer than one in 200 machines without a
+drive have one. A smaller value takes chance pairs of gears and of other bearings for a drive."""
 _SHOWN: Final = math.log1p(5.0)
-"""Compressed z of a pair of lines without a line between them from which it is where the drive's lines are."""
+"""Compressed z of such a pair from which the drive's values are read off it. A smaller value reads fainter pairs, some of
+them chance pairs."""
 _SUPPRESSED: Final = 50.0
-"""Depth of modulation of a carrier without a line of its own."""
+"""Depth of modulation of a carrier without a line of its own. A larger value leaves less of the carrier."""
 
 
 @register
@@ -78,7 +80,7 @@ class DriveInterference(Effect):
     def certain(cls, seen: Observations) -> bool:
         """Where the records have a certain pair of lines without a line between them, and the twin has none."""
         pair = seen.features["pooled|pair"]
-        return pair > _CERTAIN > pair - seen.features["pooled|pair.diff"]
+        return pair > math.log1p(CERTAIN_PAIR) > pair - seen.features["pooled|pair.diff"]
 
     @classmethod
     def shown(cls, seen: Observations) -> Mapping[str, float]:

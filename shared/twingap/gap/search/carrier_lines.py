@@ -11,7 +11,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from twingap.gap.features.tones.carrier import CERTAIN
+from twingap.effects.drive_interference import CERTAIN_PAIR
 from twingap.gap.features.tones.side_pairs import SMOOTHED, line_at, log_power, strongest_pair
 from twingap.gap.features.tones.whitened_spectra import whiten
 from twingap.signal.record_transforms import RecordTransforms
@@ -48,7 +48,7 @@ def carrier_lines(real: Sequence[RecordTransforms], made: Sequence[RecordTransfo
     lines: list[CarrierLine] = []
     for _ in range(_CARRIERS):
         pair = strongest_pair(records, logs)
-        if pair is None or pair.z < CERTAIN:
+        if pair is None or pair.z < CERTAIN_PAIR:
             break
         # A drive's lines are at multiples of twice the pole pairs, or of half that.
         step = pair.order / 2 if pair.order % 2 == 0 else pair.order

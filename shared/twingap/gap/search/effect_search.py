@@ -75,7 +75,7 @@ CERTAIN: Final = 3.0
 """Least log odds of an effect that features show beyond doubt. A larger value gives it a larger probability."""
 TREND_WEIGHT: Final = 10.0
 """Factor on the priors of effects that a trend over speed or time shows: it is estimated on all records, while the
-distance sees those of the fit part, which may all be near one speed or time."""
+distance sees those of the fit part, which may all be near one speed or time. A larger value keeps them closer to it."""
 UNLIKELY: Final = -2.5
 """Log odds below which an effect is never tried. A larger value saves simulations and may miss effects."""
 

@@ -16,6 +16,7 @@ from typing import Final
 
 import numpy as np
 
+from twingap.effects.drive_interference import CERTAIN_PAIR
 from twingap.gap.features.tones.side_pairs import SidePair, strongest_pair
 from twingap.gap.features.tones.whitened_spectra import MOST_Z, Mean, Single, Whitened, combined_z
 from twingap.records import Array
@@ -49,9 +50,6 @@ _BY_CHANCE: Final = 3.5
 """z of the best of these distances without side lines, which is subtracted."""
 _SHOWN: Final = 4.0
 """z from which a line counts as present."""
-CERTAIN: Final = 8.0
-"""z of a pair without a line at its centre from which it is a drive's. A smaller value takes chance pairs of gears and
-of other bearings for one."""
 _UNSTEADY: Final = 6.0
 """Penalty in z of a line whose level scatters like that of noise. A larger value rejects more carriers."""
 _SKIRT: Final = 5
@@ -102,7 +100,7 @@ def measure(hz: Mean, records: Sequence[Whitened], deviates: Sequence[Single]) -
     others = own[~family]
     out["fixed_others"] = float(others.max()) if others.size else 0.0
     out["fixed_count"] = float((others > _SHOWN).sum())
-    if pair is not None and pair.z > max(CERTAIN, float(balance[best])):
+    if pair is not None and pair.z > max(CERTAIN_PAIR, float(balance[best])):
         out |= _as_carrier(pair, 2 * top)
     return out
 

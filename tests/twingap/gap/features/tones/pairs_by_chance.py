@@ -10,7 +10,7 @@ from collections.abc import Iterator
 
 from scipy.stats import binomtest
 
-from twingap.gap.features.tones.carrier import CERTAIN
+from twingap.effects.drive_interference import CERTAIN_PAIR
 from twingap.gap.features.tones.side_pairs import SidePair, strongest_pair
 from twingap.gap.features.tones.whitened_spectra import whiten
 from twingap.rigs.worlds import World, cases, make_world
@@ -35,7 +35,7 @@ def pair_of(world: World) -> SidePair | None:
 def main(seed: int, count: int) -> None:
     """Print the part of the worlds with a certain pair, its upper bound, and the largest z."""
     z = [found.z for found in pairs(seed, count)]
-    certain = sum(one > CERTAIN for one in z)
+    certain = sum(one > CERTAIN_PAIR for one in z)
     bound = binomtest(certain, len(z), alternative="less").proportion_ci().high
     print(f"{certain} of {len(z)} worlds, at most {bound:.4f} with 95 % confidence; largest z {max(z):.2f}")
 
