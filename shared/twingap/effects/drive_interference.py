@@ -23,8 +23,8 @@ CERTAIN_PAIR: Final = 8.0
 """z of a pair of lines without a line between them from which it is a drive's: fewer than one in 200 machines without a
 drive have one. A smaller value takes chance pairs of gears and of other bearings for a drive."""
 _SHOWN: Final = math.log1p(5.0)
-"""Compressed z of such a pair from which the drive's values are read off it. A smaller value reads fainter pairs, some of
-them chance pairs."""
+"""Compressed z of such a pair from which the drive's values are read off it. A smaller value reads fainter pairs, some
+of them by chance."""
 _SUPPRESSED: Final = 50.0
 """Depth of modulation of a carrier without a line of its own. A larger value leaves less of the carrier."""
 

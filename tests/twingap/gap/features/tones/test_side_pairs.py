@@ -22,14 +22,15 @@ BEARING, FS_HZ = BEARINGS["6205"], 12_000.0
 
 def pair_of(
     effects: Sequence[Effect], *, speeds: tuple[float, float] = (1400.0, 2100.0), count: int = 16,
-    stated: float = 0.0, seed: int = 0,
+    stated: float = 0.0, seed: int = 0, absent: int = 0,
 ) -> SidePair:  # fmt: skip
-    """Of records with these effects; stated speeds are wrong by up to this part."""
+    """Of records with these effects but for some (`absent`); stated speeds are wrong by up to this part."""
     rng = np.random.default_rng(seed)
     rpm = rng.uniform(*speeds, count)
     faults = ("healthy", "outer", "inner", "ball")
     made = [Condition(f"r{i}", float(rpm[i]), FS_HZ, int(FS_HZ), faults[i % 4]) for i in range(count)]
-    records = PhenomenologicalTwin(BEARING, None, tuple(effects)).simulate(made, rng)
+    whole, bare = (PhenomenologicalTwin(BEARING, None, of).simulate(made, rng) for of in (tuple(effects), ()))
+    records = [*list(bare)[:absent], *list(whole)[absent:]]
     frame = Frame(BEARING, (2500.0, 4500.0), 1.0)
     white = [
         whiten(
@@ -59,6 +60,12 @@ def test_a_pair_is_found_where_it_is(order: float, stated: float) -> None:
     assert found.order == pytest.approx(order, rel=0.01)
     quiet = PhenomenologicalTwin(BEARING, None, ()).reference_rms
     assert np.exp(found.level_log) == pytest.approx(0.1 * quiet, rel=0.25)
+
+
+def test_records_without_the_pair_do_not_count() -> None:
+    found = pair_of((drive(order=6.0),), absent=6)
+    assert 0.5 < found.part < 0.95
+    assert found.carrier_hz == pytest.approx(4187.0, abs=1.5)
 
 
 def test_lines_of_a_motor_that_slips_are_at_its_own_order() -> None:
