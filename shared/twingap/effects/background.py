@@ -88,6 +88,28 @@ class Background:
         return np.sqrt(np.clip(1 - self.density[:, None] / np.maximum(power, 1e-300), 0.0, 1.0))
 
 
+def amplified(x: Array, impacts: Array, gain: float, on_background: float = 1.0) -> Array:
+    """[samples] A record with a defect whose impacts are `gain` times as strong, and its background `on_background`.
+
+    Both parts were cut out of one waveform, so that they are in phase, and multiples of them would add up to too much
+    or too little wherever they share a band. Powers of what is not related add: each short segment of the record is
+    multiplied, at each frequency, by the factor by which its power changes.
+
+    Parameters
+    ----------
+    x : Array [samples]
+    impacts : Array [samples]
+        Its impacts, from `Background.impacts`.
+    gain, on_background : float
+        Factors on amplitudes.
+    """
+    if gain == on_background or x.size < 4 * _SEGMENT:
+        return np.asarray(gain * impacts + on_background * (x - impacts))
+    frames, own = _frames(x), _frames(impacts)
+    part = np.clip((own * frames.conj()).real / np.maximum(_power(frames), 1e-300), 0.0, 1.0) ** 2  # of the power
+    return _built(frames * np.sqrt(on_background**2 * (1 - part) + gain**2 * part), x.size)
+
+
 def _frames(x: Array) -> NDArray[np.complex128]:
     """[33, frames] Windowed segments every 16 samples, the first about sample -16."""
     padded = np.pad(x, (_SEGMENT - _HOP, _SEGMENT), mode="reflect")

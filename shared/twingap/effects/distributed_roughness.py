@@ -9,6 +9,7 @@ from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.signal import fftconvolve
 
 from twingap.effects import measurements
 from twingap.effects._fault_effect import AROUND, point_contact_load
@@ -19,7 +20,7 @@ from twingap.effects.base import Effect, Stage, parameter
 from twingap.effects.draft import Draft
 from twingap.effects.drawing import log_uniform
 from twingap.effects.machine import Machine
-from twingap.effects.modes import response_rms
+from twingap.effects.modes import LEAD, response_rms
 from twingap.effects.registry import register
 
 Array = NDArray[np.float64]
@@ -31,7 +32,7 @@ class DistributedRoughness(Effect):
     """A rough or worn race: broadband force that swells with rotation, without any discrete impact.
 
     Cyclostationary of second order at shaft rate (envelope line), with no first-order line. In every record, healthy or
-    not. Needs a path: a finished waveform has none.
+    not. Needs a path: that of a finished waveform is its response to an impact, where that is known.
     """
 
     stage: ClassVar[Stage] = Stage.EXCITATION
@@ -55,6 +56,10 @@ class DistributedRoughness(Effect):
     )
 
     def apply(self, draft: Draft, rng: np.random.Generator) -> None:
+        if draft.excitation == "waveform":
+            rough = self._through(draft.impact_response(), draft, rng)
+            draft.filters.append(lambda x: x + rough[-x.size :])
+            return
         force = rng.standard_normal(draft.t.size)
         swell = self._swell(draft.turns + rng.random())
         rms = math.sqrt(1 + self.depth**2 / 2) * response_rms(draft.modes, draft.condition.fs_hz)
@@ -62,12 +67,22 @@ class DistributedRoughness(Effect):
         force *= swell
         draft.push(force, rng, abs(float(swell[0])))
 
+    def _through(self, response: Array | None, draft: Draft, rng: np.random.Generator) -> Array:
+        """[`LEAD` + samples] What a finished waveform's path makes of the force."""
+        assert response is not None  # see `cannot_act_on`
+        step = draft.turns[-1] / (draft.turns.size - 1)
+        before = draft.turns[0] - step * np.arange(LEAD + response.size - 1, 0, -1)
+        swell = self._swell(np.concatenate((before, draft.turns)) + rng.random())
+        made = fftconvolve(swell * rng.standard_normal(swell.size), response, mode="valid")
+        rms = math.sqrt((1 + self.depth**2 / 2) * float(response @ response))
+        return np.asarray(self.level * draft.reference_rms / rms * made)
+
     def _swell(self, turns: Array) -> Array:
         """[samples] Of mean square 1 + depth^2 / 2 over a turn."""
         return 1 + self.depth * cosine(turns)
 
     def cannot_act_on(self, draft: Draft) -> str | None:
-        if draft.excitation == "waveform":
+        if draft.excitation == "waveform" and draft.impact_response() is None:
             return "a finished waveform has no path that a force could pass through"
         return None
 

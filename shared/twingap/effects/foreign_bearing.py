@@ -18,6 +18,7 @@ from twingap.effects.angle import cosine
 from twingap.effects.base import Effect, Stage, parameter
 from twingap.effects.draft import Draft
 from twingap.effects.drawing import log_uniform, secondary_mode
+from twingap.effects.impact_train import responses
 from twingap.effects.machine import Machine
 from twingap.effects.modes import Mode, modal_response
 from twingap.effects.observations import Observations
@@ -30,11 +31,14 @@ _ORDERS: Final = ("lines.comb_order|all", "background.foreign_order|all", "backg
 _SAME_ORDER: Final = 0.003
 """Relative difference of two estimates of the order below which a search begins at one of them alone."""
 
+_LEVELS: Final = (1.0, 1.25, 0.8, 0.63, 0.5)
+"""Factors on the level at which the path of this bearing is tried. More factors cost one simulation each."""
+
 
 @register
 @dataclass(frozen=True)
 class ForeignBearing(Effect):
-    """Another bearing's fault: impacts at an order that is not this bearing's, through a mode of their own."""
+    """Another bearing's fault: impacts at an order that is not this bearing's, through a mode of their own or this path."""
 
     stage: ClassVar[Stage] = Stage.DISTURBANCE
     references: ClassVar[tuple[str, ...]] = (RANDALL_ANTONI,)
@@ -60,17 +64,36 @@ class ForeignBearing(Effect):
         0.05, unit="", plausible=(0.01, 0.2), allowed=(1e-4, 0.99), log=True, doc="damping ratio of its mode"
     )
 
+    own_path: bool = parameter(
+        False, unit="", plausible=(0, 1), allowed=(0, 1), searched=False,
+        doc="whether its impacts come through the path of this bearing's, where that is known, and not through a mode",
+    )  # fmt: skip
+
     def apply(self, draft: Draft, rng: np.random.Generator) -> None:
-        mode = Mode(self.resonance_hz, self.damping_ratio, self.level * draft.reference_rms)
-        before = math.ceil(mode.ring_down_s * draft.shaft_hz * self.order) + 1
+        modes, response = [Mode(self.resonance_hz, self.damping_ratio)], None
+        if self.own_path and draft.excitation == "impacts":
+            modes = draft.modes
+        elif self.own_path:
+            response = draft.impact_response()
+        before = math.ceil(max(mode.ring_down_s for mode in modes) * draft.shaft_hz * self.order) + 1
         count = np.arange(-before, math.ceil(draft.turns[-1] * self.order) + 1)
         turns = (count + rng.random()) / self.order
         turns, strengths = self._impacts(turns, rng)
-        draft.x += modal_response([mode], draft.condition.fs_hz, draft.x.size, draft.when(turns), strengths)
+        times, fs_hz, n = draft.when(turns), draft.condition.fs_hz, draft.x.size
+        level = self.level * draft.reference_rms
+        if response is None:
+            draft.x += modal_response(modes, fs_hz, n, times, level * strengths)
+        else:
+            draft.x += responses(times * fs_hz, level * strengths, response, n)
 
     def _impacts(self, turns: Array, rng: np.random.Generator) -> tuple[Array, Array]:
         """Shaft angles and strengths of impacts that would come evenly, at these angles, and alike."""
         return turns, np.ones(turns.size)
+
+    @property
+    def idle_parameters(self) -> frozenset[str]:
+        """See `Effect.idle_parameters`."""
+        return frozenset({"resonance_hz", "damping_ratio"} if self.own_path else ())
 
     def cannot_act_on(self, draft: Draft) -> str | None:
         return draft.beyond_nyquist(self.resonance_hz)
@@ -92,9 +115,8 @@ class ForeignBearing(Effect):
                 place = self.moved(order=order)
                 # A level that was estimated for another order would be too much.
                 yield from (place, *place.weaker())
-        if seen.own_mode is not None:
-            resonance_hz, damping_ratio = seen.own_mode
-            yield dataclasses.replace(self, resonance_hz=resonance_hz, damping_ratio=damping_ratio)
+        for factor in _LEVELS:  # the level that was estimated is that of another mode
+            yield dataclasses.replace(self, own_path=True, level=factor * self.level)
 
 
 @dataclass(frozen=True)

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
@@ -20,6 +20,7 @@ from twingap.effects.draft import Draft
 from twingap.effects.drawing import tone_level
 from twingap.effects.harmonic_series import HarmonicSeries
 from twingap.effects.machine import Machine
+from twingap.effects.observations import Observations
 from twingap.effects.registry import register
 
 Array = NDArray[np.float64]
@@ -90,6 +91,14 @@ class GearMesh(HarmonicSeries):
             "depth": rng.uniform(0.1, 1.5), "teeth": int(rng.integers(8, min(90, most) + 1)),
             "n_harmonics": int(rng.integers(1, 7)),
         }  # fmt: skip
+
+    def initial_values(self, seen: Observations) -> Iterator[Effect]:
+        # The median over records lies between a mesh and its double where half of them show either.
+        read = [seen.features[f"lines.gear_teeth|{of}.level"] for of in ("all", "healthy", "faulty")]
+        read.append(math.exp(seen.features["pooled|gear_teeth"]))
+        for teeth in dict.fromkeys(round(one) for one in read if math.isfinite(one)):
+            if teeth != self.teeth:
+                yield replace(self, teeth=teeth)
 
     def variant(self, machine: Machine, rng: np.random.Generator) -> Effect:
         factors = tuple(uneven_factors(rng).tolist())

@@ -166,7 +166,7 @@ def train_of(draft: Draft) -> ImpactTrain | None:
 def _train(waveform: bytes, response: bytes, spacing: float, fs_hz: float) -> ImpactTrain:
     x, h = np.frombuffer(waveform), np.frombuffer(response)
     places, amplitudes = _impacts(x - x.mean(), h, spacing) if spacing else (np.empty(0), np.empty(0))
-    impacts = _sum(places, amplitudes, h, x.size)
+    impacts = responses(places, amplitudes, h, x.size)
     rest = x - x.mean() - impacts
     begin = BEFORE - _rise(h)
     f = scipy.fft.rfftfreq(x.size)
@@ -211,8 +211,8 @@ def _impacts(x: Array, h: Array, spacing: float) -> tuple[Array, Array]:
     return places + shift, (middle - 0.25 * (low - high) * shift) * np.sign(fit[places])
 
 
-def _sum(places: Array, amplitudes: Array, h: Array, size: int) -> Array:
-    """[samples] Responses at these places, in samples, with these amplitudes."""
+def responses(places: Array, amplitudes: Array, h: Array, size: int) -> Array:
+    """[samples] Responses `h` whose strongest sample is at these places, in samples, with these amplitudes."""
     finer = scipy.fft.irfft(scipy.fft.rfft(np.pad(h, (0, h.size))), 2 * h.size * _FINER) * _FINER
     out = np.zeros(size + 2 * h.size)
     for place, amplitude in zip(places, amplitudes, strict=True):
@@ -220,5 +220,7 @@ def _sum(places: Array, amplitudes: Array, h: Array, size: int) -> Array:
         late = round((place - whole) * _FINER)
         stretch = np.roll(finer, late)[: h.size * _FINER : _FINER]
         begin = whole - BEFORE + h.size
+        if not 0 <= begin < size + h.size:
+            continue
         out[begin : begin + h.size] += amplitude * stretch
     return out[h.size : h.size + size]

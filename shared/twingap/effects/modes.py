@@ -57,6 +57,16 @@ class Mode:
         w = 2 * math.pi * self.frequency_hz
         return complex(-self.damping_ratio * w, math.sqrt(1 - self.damping_ratio**2) * w)
 
+    def noise_gain(self, fs_hz: float) -> complex:
+        """Part of a sample's force, taken to be white noise in continuous time, that enters the mode's state.
+
+        With 1, each sample's force is one impact on the grid of samples, and its response has the aliases of all
+        impacts in phase: up to 6 dB too much next to fs / 2 and too little below the mode. A force that acts all the
+        time is many small impacts at any time. The mode then is an autoregressive moving average of orders (2, 1)
+        (Pandit and Wu, Time Series and System Analysis with Applications, 1983, ch. 7), which this gain gives exactly.
+        """
+        return _noise_gain(self.pole / fs_hz)
+
     @property
     def ring_down_s(self) -> float:
         """Time after which no more than `NEGLIGIBLE` of an impact is left, s."""
@@ -109,7 +119,11 @@ def modal_response(
         begin[: len(root)] = root @ past[: len(root)]
     for place, mode in enumerate(modes):
         buffers, pole, state = np.zeros((2, n_samples)), mode.pole, begin[2 * place : 2 * place + 2]
-        _add_mode(x, *buffers, pole.real, pole.imag, mode.gain, fs_hz, times, strengths, pushed, *state.tolist())
+        k = mode.noise_gain(fs_hz)
+        _add_mode(
+            x, *buffers, pole.real, pole.imag, mode.gain, fs_hz, times, strengths, pushed, k.real, k.imag,
+            *state.tolist(),
+        )  # fmt: skip
     return x
 
 
@@ -119,6 +133,26 @@ def response_rms(modes: Sequence[Mode], fs_hz: float) -> float:
     The closed form of sqrt(sum_n h(n / fs)^2), so that a wanted RMS after the path can be turned into one before it.
     """
     return _response_rms(tuple(modes), fs_hz)
+
+
+def _noise_gain(s: complex) -> complex:
+    """The gain for a pole s, per sample."""
+    p = np.exp(s)
+    if abs(p.imag) < 1e-9:  # sampled at the mode's zeros
+        return 1.0
+    # xi, what a sample's noise leaves in the state: E |xi|^2 and E xi^2. x_n - 2 Re p x_(n-1) + |p|^2 x_(n-2) is
+    # Im xi_n - Im(p* xi_(n-1)), a moving average b0 f_n + b1 f_(n-1) with that autocovariance.
+    mixed, plain = np.expm1(2 * s.real) / (2 * s.real), np.expm1(2 * s) / (2 * s)
+
+    def covariance(a: complex, b: complex) -> float:
+        """E Im(a xi) Im(b xi)."""
+        return 0.5 * float((a * np.conj(b) * mixed - a * b * plain).real)
+
+    back = -np.conj(p)
+    same, next_ = covariance(1, 1) + covariance(back, back), covariance(1, back)
+    plus, minus = (math.sqrt(max(same + sign * 2 * next_, 0.0)) for sign in (1, -1))
+    b0, b1 = (plus + minus) / 2, (plus - minus) / 2
+    return complex((p.real * b0 + b1) / p.imag, b0)
 
 
 @lru_cache(maxsize=256)
@@ -131,11 +165,13 @@ def _response_rms(modes: tuple[Mode, ...], fs_hz: float) -> float:
 def _state_covariance(modes: tuple[Mode, ...], fs_hz: float) -> Array:
     """Covariance of the modes' states (re, im, re, im, ...) under unit white noise, which has always acted on them.
 
-    From z_n = p z_(n-1) + f_n follow E[z_i z_j*] = 1 / (1 - p_i p_j*) and E[z_i z_j] = 1 / (1 - p_i p_j).
+    From z_n = p z_(n-1) + k f_n, with k the `Mode.noise_gain`, follow E[z_i z_j*] = k_i k_j* / (1 - p_i p_j*) and
+    E[z_i z_j] = k_i k_j / (1 - p_i p_j).
     """
     s = np.array([mode.pole for mode in modes]) / fs_hz
+    k = np.array([mode.noise_gain(fs_hz) for mode in modes])
     # expm1 rather than 1 - exp: a sharp mode's pole lies close to the unit circle.
-    mixed, plain = (-1 / np.expm1(s[:, None] + other) for other in (s.conj(), s))
+    mixed, plain = (-k[:, None] * gain / np.expm1(s[:, None] + other) for other, gain in ((s.conj(), k.conj()), (s, k)))
     out = np.empty((2 * s.size, 2 * s.size))
     out[::2, ::2], out[1::2, 1::2] = (mixed + plain).real / 2, (mixed - plain).real / 2
     out[::2, 1::2], out[1::2, ::2] = (plain - mixed).imag / 2, (plain + mixed).imag / 2
@@ -151,7 +187,7 @@ def _state_root(modes: tuple[Mode, ...], fs_hz: float) -> Array:
 
 
 @njit()
-def _add_mode(x, re, im, decay, turn, gain, fs_hz, times, amplitudes, force, a, b):  # type: ignore[no-untyped-def]  # pragma: no cover
+def _add_mode(x, re, im, decay, turn, gain, fs_hz, times, amplitudes, force, kr, ki, a, b):  # type: ignore[no-untyped-def]  # pragma: no cover
     # `re` and `im` are zeros; the pole is decay + j turn, per second; a + j b is the state before the first sample.
     n = x.size
     size = math.exp(decay / fs_hz)
@@ -169,7 +205,8 @@ def _add_mode(x, re, im, decay, turn, gain, fs_hz, times, amplitudes, force, a, 
         re[at] += amplitudes[i] * (size * math.cos(turn * late))
         im[at] += amplitudes[i] * (size * math.sin(turn * late))
     for i in range(force.size):
-        re[i] += force[i]
+        re[i] += kr * force[i]
+        im[i] += ki * force[i]
     for i in range(n):
         a, b = p * a - q * b + re[i], p * b + q * a + im[i]
         x[i] += gain * b

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from twingap.bearing import Bearing
 from twingap.effects.angle import at_angles
+from twingap.effects.background import amplified
 from twingap.effects.base import Effect, Stage, apply_effect
 from twingap.effects.draft import Draft
 from twingap.effects.modes import LEAD
@@ -74,10 +75,11 @@ def apply_to_waveform(
     draft = Draft(
         condition, bearing, reference_rms, t, evenly.copy(), excitation="waveform", impact_response=impact_response, x=x
     )
-    chain = in_order(tuple(effects))
+    chain, impacts = in_order(tuple(effects)), x
     for stage in Stage:
         if stage is Stage.EXCITATION and background is not None and draft.faulty:
             draft.x, draft.background = draft.x - background, background
+            impacts = draft.x
         for effect in chain:
             if effect.stage == stage:
                 apply_effect(effect, draft, streams(effect.name), f"record {condition.name!r}")
@@ -89,10 +91,7 @@ def apply_to_waveform(
                 draft.x = at_angles(draft.x, draft.turns, draft.turns - draft.cage_lag)
                 if draft.background is not None:  # noise that comes a little later is as good as before
                     draft.background = at_angles(draft.background, draft.turns, draft.turns - draft.cage_lag)
-            if draft.gain is not None:
-                draft.x = draft.x * draft.gain
-            if draft.background is not None:
-                draft.x, draft.background = draft.x + draft.background, None
+            draft.x, draft.background = _gained(draft, impacts, background), None
         elif stage is Stage.PATH and draft.filters:
             # The signal before the record is unknown; its mirrored beginning is used.
             x = np.pad(draft.x, (LEAD, 0), mode="reflect")
@@ -100,3 +99,20 @@ def apply_to_waveform(
                 x = act(x)
             draft.x = x[LEAD:].copy()
     return Record(condition, draft.x)
+
+
+def _gained(draft: Draft, impacts: Array, background: Array | None) -> Array:
+    """[samples] The waveform with its gain, and with the background that effects on impacts left as it is.
+
+    `impacts` and `background` are the parts of the waveform before these effects.
+    """
+    gain = np.ones(1) if draft.gain is None else draft.gain
+    if draft.background is None or background is None:
+        return draft.x * gain
+    mean = float(gain.mean())
+    if draft.x is not impacts or not mean > 0:
+        return np.asarray(draft.x * gain + draft.background)
+    # Changes of the gain within a record leave its power as it is, their mean does not.
+    still = float(np.sqrt(np.mean(draft.background**2) / max(float(np.mean(background**2)), 1e-300)))
+    varied = impacts * (gain / mean)
+    return amplified(varied + background, varied, mean, still)

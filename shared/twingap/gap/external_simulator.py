@@ -170,7 +170,13 @@ class ExternalSimulator:
 
     def can_add(self, name: str) -> str | None:
         """See `Simulator.can_add`."""
-        return why_not(name, self.conditions, self.bearing, self.reference_rms, "waveform")
+        rates = sorted({c.fs_hz for c in self.conditions})
+
+        def known() -> Array | None:
+            responses = [self._response(rate) for rate in rates]
+            return None if any(response is None for response in responses) else responses[0]
+
+        return why_not(name, self.conditions, self.bearing, self.reference_rms, "waveform", known)
 
     def _ranked(self, condition: Condition) -> list[int]:
         """Indices of the simulated records of this fault nearest to the condition, the nearest first."""

@@ -1,7 +1,8 @@
 """The healthy model: white noise through one damped mode, plus white noise, as a spectrum.
 
-Sampling h(t) = exp(-zeta w t) sin(sqrt(1 - zeta^2) w t) makes the structure noise an autoregression of order two, so
-its autocovariance is known in closed form (Box and Jenkins, Time Series Analysis, section 3.2).
+The structure noise is what h(t) = exp(-zeta w t) sin(sqrt(1 - zeta^2) w t) makes of a white force in continuous time,
+so its autocovariance is known in closed form (Crandall and Mark, Random Vibration in Mechanical Systems, 1963, ch. 2);
+the autocovariance of its samples is the same at their lags.
 """
 
 from __future__ import annotations
@@ -34,7 +35,7 @@ def autocorrelation(frequency_hz: Array | float, damping_ratio: Array | float, f
     """
     w, zeta = np.broadcast_arrays(2 * np.pi * np.asarray(frequency_hz, float) / fs_hz, damping_ratio)
     r, theta = np.exp(-zeta * w), np.sqrt(1 - np.asarray(zeta, float) ** 2) * w
-    skew = (1 - r**2) / (1 + r**2) / np.tan(theta)
+    skew = zeta / np.sqrt(1 - np.asarray(zeta, float) ** 2)
     out = np.empty((*np.shape(r), lags))
     _turned(np.ravel(r), np.ravel(theta), np.ravel(skew), out.reshape(-1, lags))
     return out
@@ -52,8 +53,8 @@ def _turned(r, theta, skew, out):  # type: ignore[no-untyped-def]  # pragma: no 
 
 
 def impulse_energy(frequency_hz: float, damping_ratio: float, fs_hz: float) -> float:
-    """Sum of h^2 over samples: the energy that one unit impact leaves, times fs_hz."""
+    """Integral of h^2 over time, times fs_hz: the energy that one unit impact leaves in samples, whenever it comes."""
     w = 2 * np.pi * frequency_hz / fs_hz
-    r, theta = np.exp(-damping_ratio * w), np.sqrt(1 - damping_ratio**2) * w
-    # sum of r^2k sin^2(k theta) = half of (geometric series - real part of the complex one)
-    return float(0.5 * (1 / (1 - r**2) - ((1 - r**2 * np.exp(2j * theta)) ** -1).real))
+    pole = complex(-damping_ratio * w, np.sqrt(1 - damping_ratio**2) * w)
+    # h = Im exp(pole t), so that h^2 is half of |exp(pole t)|^2 less Re exp(2 pole t).
+    return 0.5 * (-1 / (2 * pole.real) - (-1 / (2 * pole)).real)

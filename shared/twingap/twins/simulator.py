@@ -10,7 +10,7 @@ simulated with and without an effect differ by that effect and by nothing else.
 from __future__ import annotations
 
 import zlib
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Literal, Protocol
 
 import numpy as np
@@ -171,6 +171,7 @@ def why_not(
     bearing: Bearing,
     reference_rms: float,
     excitation: Literal["impacts", "rollers", "waveform"],
+    impact_response: Callable[[], Array | None] = lambda: None,
 ) -> str | None:
     """Reason why an effect cannot act on any record of these conditions; None when it can act on one.
 
@@ -184,7 +185,9 @@ def why_not(
     for fault in dict.fromkeys(c.fault for c in checked):
         condition = Condition("any", 1800.0, 1e6, 64, fault)
         t = np.arange(64) / condition.fs_hz
-        draft = Draft(condition, bearing, reference_rms, t, t * 30.0, excitation=excitation)
+        draft = Draft(
+            condition, bearing, reference_rms, t, t * 30.0, excitation=excitation, impact_response=impact_response
+        )
         reason = _forbids(name, draft)
         if reason is None:
             return None

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
+from scipy.signal import welch
 
 from twingap import Record
 from twingap.effects import (
@@ -18,7 +20,7 @@ from twingap.effects import (
     SpeedGain,
     apply_to_waveform,
 )
-from twingap.effects.background import Background, passes_of
+from twingap.effects.background import Background, amplified, passes_of
 from twingap.streams import Streams
 
 
@@ -53,6 +55,23 @@ def test_impacts_grow_and_the_noise_between_them_stays(lab: Any, effect: Any) ->
     gain = (whole[0] / x[0]) ** 2
     assert after[0] / before[0] < 0.3 * gain
     assert after[1] / before[1] > 0.6 * gain
+
+
+@pytest.mark.parametrize("factor", [0.4, 0.7, 2.5])
+def test_powers_of_stronger_impacts_and_of_noise_add(lab: Any, factor: float) -> None:
+    """As of the machine whose impacts are so strong; amplitudes of parts of one waveform would not."""
+    weak = replace(lab.parameters, impact_amplitude={"outer": 3.0})
+    x = lab.where(parameters=weak).make([], "outer", 6)
+    other = lab.where(parameters=replace(weak, impact_amplitude={"outer": 3.0 * factor}), seed=8).make([], "outer", 6)
+    passes = np.arange(x.shape[1]) / lab.fs_hz * lab.fr * lab.bearing.bpfo
+    background = background_of(lab)
+    impacts = np.stack([background.impacts(one, passes) for one in x])
+    made = np.stack([amplified(*pair, factor) for pair in zip(x, impacts, strict=True)])
+    spectra = [welch(y, nperseg=64)[1].mean(axis=0)[2:-2] for y in (made, x + (factor - 1) * impacts, other)]
+    off = [np.abs(10 * np.log10(power / spectra[2])).mean() for power in spectra[:2]]
+    assert off[0] < 0.3
+    assert off[0] < 0.6 * off[1]
+    np.testing.assert_allclose(amplified(x[0], impacts[0], 1.0), x[0], atol=1e-9)
 
 
 def test_a_second_impact_does_not_double_the_noise(lab: Any) -> None:

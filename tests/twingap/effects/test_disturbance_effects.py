@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -112,6 +114,16 @@ def test_gear_mesh_sits_at_whole_orders_with_shaft_sidebands(lab: Any) -> None:
     np.testing.assert_allclose(np.tile(x[0, :480], 100), x[0], atol=1e-9)  # a comb of first order: every turn is alike
     high = lab.added(GearMesh(teeth=100, n_harmonics=6))  # 2500, 5000, then above 6000 Hz
     np.testing.assert_allclose(lines_of(lab, high) / 25, [99, 100, 101, 199, 200, 201])
+
+
+def test_a_search_begins_at_the_teeth_that_either_half_of_the_records_shows() -> None:
+    """The median over records that show a mesh or its double lies between them."""
+    shown = {"all": 54.0, "healthy": 36.0, "faulty": 72.0}
+    features = {f"lines.gear_teeth|{of}.level": teeth for of, teeth in shown.items()}
+    seen = SimpleNamespace(features=features | {"pooled|gear_teeth": math.log(36)})
+    assert [one.teeth for one in GearMesh(teeth=54, level=0.3).initial_values(seen)] == [36, 72]  # type: ignore[arg-type]
+    nothing = SimpleNamespace(features=dict.fromkeys(seen.features, math.nan))
+    assert list(GearMesh().initial_values(nothing)) == []  # type: ignore[arg-type]
 
 
 def test_foreign_bearing_draws_envelope_lines_at_its_own_order(lab: Any) -> None:

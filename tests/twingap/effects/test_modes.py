@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from scipy.signal import welch
 
 from twingap.bearing import BEARINGS
 from twingap.effects import DistributedRoughness, SensorRolloff, SpeedGain
@@ -44,6 +45,24 @@ def test_noise_is_stationary_from_the_first_sample(modes: list[Mode]) -> None:
     for at in (0, 1):
         found = [np.mean(x[:, at] * x[:, at + lag]) for lag in range(n - 1)]
         np.testing.assert_allclose(found, expected[: n - 1], atol=float(0.08 * expected[0]))
+
+
+@pytest.mark.parametrize(
+    "modes",
+    [[Mode(600.0, 0.1)], [Mode(3200.0, 0.012)], [Mode(5600.0, 0.03)], [Mode(900.0, 0.03), Mode(3100.0, 0.02, 0.7)]],
+    ids=["low", "middle", "high", "two"],
+)
+def test_noise_has_the_spectrum_of_a_force_that_acts_all_the_time(modes: list[Mode]) -> None:
+    """The power of the continuous response at a frequency and at all its aliases, from the Laplace transform of h."""
+    x = stirred(modes, 1 << 16, 16)
+    f, found = welch(x, FS_HZ, nperseg=512)
+    s = 2j * np.pi * (f[:, None] + FS_HZ * np.arange(-100, 101))
+    through = sum(m.gain * m.pole.imag / ((s - m.pole) * (s - m.pole.conjugate())) for m in modes)
+    expected = 2 * FS_HZ * (np.abs(through) ** 2).sum(axis=1)
+    inside = slice(8, -8)  # leakage of a sharp mode into what its neighbours hold
+    off = 10 * np.log10(found.mean(axis=0) / expected)[inside]
+    assert np.abs(off).max() < (0.6 if len(modes) == 1 else 1.2)
+    assert np.abs(off).mean() < 0.25
 
 
 def test_the_record_does_not_know_its_own_end() -> None:

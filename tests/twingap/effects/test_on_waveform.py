@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
+from scipy.signal import welch
 
 from twingap import Record, TwingapError
 from twingap.effects import (
     CageModulation,
     DamageGrowth,
+    DistributedRoughness,
     EntryExit,
+    ForeignBearing,
     ImpactScatter,
     LoadZone,
     SecondResonance,
@@ -22,6 +26,7 @@ from twingap.effects import (
     catalogue,
     make_effect,
 )
+from twingap.effects.impact_train import BEFORE
 from twingap.streams import Streams
 
 IMPOSSIBLE = {
@@ -104,6 +109,50 @@ def test_entry_and_exit_comb_and_resonance_and_gains(lab: Any, quiet: Any) -> No
     ):
         before, after = finished(lab, "outer", [effect], time_s=500.0)
         np.testing.assert_allclose(after, factor * before)
+
+
+@pytest.fixture(scope="module")
+def ringing() -> np.ndarray:
+    """Response of a simulator to one impact: a mode at 2 kHz, at 12 kHz."""
+    t = np.arange(200) / 12000.0
+    return np.concatenate((np.zeros(BEFORE), np.exp(-600 * t) * np.cos(2 * np.pi * 2000 * t)))
+
+
+def through(lab: Any, effect: Any, response: np.ndarray, fault: str = "healthy") -> np.ndarray:
+    """What the effect adds to a finished waveform whose simulator answers an impact so."""
+    (condition,) = lab.conditions(fault, 1)
+    x = lab.make([], fault)[0]
+    done = apply_to_waveform(
+        [effect], Record(condition, x), lab.bearing, 2.0, Streams(7, 0), impact_response=lambda: response
+    )
+    return np.asarray(done.samples - x)
+
+
+def test_roughness_rings_as_the_simulator_does(lab: Any, ringing: np.ndarray) -> None:
+    added = through(lab, DistributedRoughness(level=0.5, depth=0.8), ringing)
+    assert added.std() == pytest.approx(0.5 * 2.0, rel=0.05)
+    f, power = welch(added, lab.fs_hz, nperseg=1024)
+    expected = np.abs(np.fft.rfft(ringing, 1024)) ** 2
+    inside = slice(8, -8)
+    off = np.log(power / power.sum() / (expected / expected.sum()))[inside]
+    assert np.abs(off).mean() < 0.15
+    assert f[power.argmax()] == pytest.approx(2000.0, abs=40.0)
+    assert lab.prominence(lab.envelope(added[None]), lab.fr) > 8, "it swells with the shaft"
+    halves = added[: added.size // 8].std() / added[added.size // 8 :].std()
+    assert halves == pytest.approx(1.0, rel=0.15), "from the first sample on"
+
+
+def test_a_neighbours_impacts_may_come_the_way_of_this_bearings(lab: Any, ringing: np.ndarray) -> None:
+    """In a finished waveform as its impacts do; through the modes of a twin that has them."""
+    own = ForeignBearing(level=3.0, order=4.37, own_path=True, resonance_hz=4500.0)
+    added = through(lab, own, ringing)
+    assert np.abs(added).max() == pytest.approx(3.0 * 2.0, rel=0.15)
+    f, power = welch(added, lab.fs_hz, nperseg=1024)
+    assert f[power.argmax()] == pytest.approx(2000.0, abs=40.0)
+    assert lab.prominence(lab.envelope(added[None]), 4.37 * lab.fr) > 15
+    made = lab.added(own)
+    same = lab.added(replace(own, own_path=False, resonance_hz=3000.0, damping_ratio=lab.parameters.damping_ratio))
+    np.testing.assert_allclose(made, same, atol=1e-9)
 
 
 def test_yardstick_must_be_positive(lab: Any) -> None:

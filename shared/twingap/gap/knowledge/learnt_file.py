@@ -139,9 +139,15 @@ def definition(name: str) -> dict[str, dict[str, Any]]:
 
 
 def _as_learnt(name: str, known: Mapping[str, Any] | None) -> bool:
-    """Whether the running version has an effect of this name with the definition trained on."""
+    """Whether the running version has an effect of this name with the definition trained on.
+
+    Parameters that it has got since are no obstacle: they keep their defaults, with which it acts as before.
+    """
     kind: type[Effect] | None = catalogue().get(name)
-    return kind is not None and kind.__module__.startswith(_OWN) and known == definition(name)
+    if kind is None or not kind.__module__.startswith(_OWN) or known is None:
+        return False
+    now = definition(name)
+    return all(now.get(parameter) == value for parameter, value in known.items())
 
 
 _FLOAT: Final[Mapping[str, Any]] = {"with_healthy": bool}

@@ -28,7 +28,7 @@ from twingap.gap.search.evidence import Compared, Evidence
 from twingap.gap.search.harmonics import with_measured_harmonics
 from twingap.gap.search.initial_values import better_initial, observations
 from twingap.gap.search.measured_forms import with_measured_forms
-from twingap.gap.search.optimise import not_farther, optimise, validation_distance
+from twingap.gap.search.optimise import at_estimates, closest, not_farther, optimise, validation_distance
 from twingap.gap.search.parameter_prior import Key, Prior
 from twingap.gap.search.parameter_scale import coordinates, to_effect, to_number, to_value
 from twingap.records import Array
@@ -347,6 +347,14 @@ class _Search:
         simulator, effects = with_measured_harmonics(self.evidence, *start) or start
         priors = self._priors(effects)
         found = optimise(self.evidence, simulator, effects, self.errors, priors=priors, prior_weight=self.prior_weight)
+        # Values that a search has moved far from their estimates may be in a wrong minimum.
+        estimates = at_estimates(effects, priors, self.evidence.setting)
+        if estimates != tuple(effects) and all(self.evidence.fits(effect) for effect in estimates):
+            anew = optimise(
+                self.evidence, self.evidence.against(estimates).simulator, estimates, self.errors,
+                priors=priors, prior_weight=self.prior_weight, grid=False,
+            )  # fmt: skip
+            found = closest(self.evidence, (found, anew), priors, self.prior_weight)
         found = not_farther(self.evidence, found, bare, self.errors, priors=priors, prior_weight=self.prior_weight)
         last = found.simulator, found.effects
         again = with_measured_harmonics(self.evidence, *last)

@@ -94,7 +94,7 @@ def with_measured(evidence: Evidence, found: Explanation) -> Explanation:
             continue
         nearer = validation_distance(evidence, *way)
         if name == PATH:
-            nearer, way = _without_surrogates(evidence, nearer, way, LEAST * bare)
+            nearer, way = _without_surrogates(evidence, nearer, way, LEAST * bare, _replaceable(PATH, found))
         compared = Compared(evidence, way[1], way[0])
         there = Paired(real, made(compared), before.scale)
         if (p := p_of_gain(here, there, evidence.root)) <= LEVEL:
@@ -198,7 +198,7 @@ def _ways(evidence: Evidence, now: Compared, name: str) -> Iterator[tuple[Simula
 
 
 def _without_surrogates(
-    evidence: Evidence, distance: float, twin: tuple[Simulator, Chain], least: float
+    evidence: Evidence, distance: float, twin: tuple[Simulator, Chain], least: float, replaceable: Collection[str]
 ) -> tuple[float, tuple[Simulator, Chain]]:
     """The twin without effects that stand in for its path, and its distance.
 
@@ -207,7 +207,7 @@ def _without_surrogates(
     all_samples = any(passed_by_all_samples(effect) for effect in twin[1])
     by = "all" if all_samples else by_fault_or_all(evidence)
     for effect in twin[1]:
-        if effect.name not in look_alikes(PATH) or effect.measured:
+        if effect.name not in replaceable or effect.measured:
             continue
         rest = tuple(other for other in twin[1] if other.name != effect.name)
         names = [other.name for other in rest if other.name in (PATH, BACKGROUND)]

@@ -84,6 +84,7 @@ def optimise(
     passes: int = PASSES,
     priors: Mapping[Key, Prior] = MappingProxyType({}),
     prior_weight: float = 1.0,
+    grid: bool = True,
 ) -> Optimised:
     """Optimise values on the fit part; the result is kept if it also holds with other random streams.
 
@@ -91,7 +92,7 @@ def optimise(
     the effects in `moved` (None: of all) are optimised and, with `baseline`, the twin's own levels, mode and impacts,
     except those fixed by the twin file. Values without one of the `priors` are free; calibrated baseline parameters
     always have one. `prior_weight`, a factor on all penalties, is larger where effects may be missing for which values
-    must not compensate.
+    must not compensate. Without `grid`, values move from where they are by steps alone.
     """
     search = ValueSearch(evidence, simulator, tuple(effects), evidence.trials, dict(priors), prior_weight)
     search.gather_effects([e for e in effects if moved is None or e.name in moved], errors)
@@ -101,9 +102,10 @@ def optimise(
         search.gather_level()
     begin = search.initial_objective()
     if search.at:
-        if _PLACES * len(search.ends) > search.left / 2:
-            search.gauss_newton()  # with large records, the grid over many values would use up all trials
-        search.grid_search()
+        if grid:
+            if _PLACES * len(search.ends) > search.left / 2:
+                search.gauss_newton()  # with large records, the grid over many values would use up all trials
+            search.grid_search()
         for _ in range(passes):
             least = search.least
             for key in [key for key in search.at if key[0]]:  # joint steps converge to the nearest minimum only
@@ -122,7 +124,7 @@ def optimise(
     names = [effect.name for effect in own if not effect.by_chance]
     return optimise(
         evidence, simulator, effects, errors,
-        moved=names, baseline=baseline, passes=passes, priors=priors, prior_weight=prior_weight,
+        moved=names, baseline=baseline, passes=passes, priors=priors, prior_weight=prior_weight, grid=grid,
     )  # fmt: skip
 
 
@@ -142,23 +144,45 @@ def not_farther(
     for `optimise`.
     """
 
-    def penalised(one: Optimised) -> float:
-        numbers = {
-            (effect.name, name): to_number(effect, name, evidence.setting)
-            for effect in one.effects for name in effect.parameter_values() if (effect.name, name) in priors
-        }  # fmt: skip
-        weight = prior_weight * penalty_weight(len(evidence.trial_records))
-        return math.sqrt(
-            validation_distance(evidence, one.simulator, one.effects) ** 2 + weight * penalty(priors, numbers)
-        )
-
     without = validation_distance(evidence, bare.simulator, ())
     if validation_distance(evidence, found.simulator, found.effects) <= without:
         return found
     little = [tuple(effect.weakened(factor) for effect in found.effects) for factor in WEAKER]
     begin = min(little, key=lambda effects: evidence.misfit(bare.simulator, effects))
     again = optimise(evidence, bare.simulator, begin, errors, priors=priors, prior_weight=prior_weight)
-    return min(found, again, key=penalised)
+    return closest(evidence, (found, again), priors, prior_weight)
+
+
+def closest(
+    evidence: Evidence, found: Sequence[Optimised], priors: Mapping[Key, Prior], prior_weight: float = 1.0
+) -> Optimised:
+    """The result of the smallest distance, penalised by the priors, from the fit part."""
+
+    def penalised(one: Optimised) -> float:
+        weight = prior_weight * penalty_weight(len(evidence.trial_records))
+        apart = validation_distance(evidence, one.simulator, one.effects)
+        return math.sqrt(apart**2 + weight * penalty(priors, _numbers(one.effects, priors, evidence.setting)))
+
+    return min(found, key=penalised)
+
+
+def at_estimates(effects: Sequence[Effect], priors: Mapping[Key, Prior], setting: Setting) -> tuple[Effect, ...]:
+    """The effects, those of which a value is beyond the error of its estimate at their estimates."""
+    made = []
+    for effect in effects:
+        own = {key[1]: prior for key, prior in priors.items() if key[0] == effect.name}
+        numbers = {name: to_number(effect, name, setting) for of, name in coordinates() if of == effect.name}
+        if any(abs(numbers[name] - prior.number) > prior.within for name, prior in own.items()):
+            numbers |= {name: prior.number for name, prior in own.items()}
+            effect = to_effect(effect.name, numbers, setting)
+        made.append(effect)
+    return tuple(made)
+
+
+def _numbers(effects: Sequence[Effect], priors: Mapping[Key, Prior], setting: Setting) -> dict[Key, float]:
+    """Values of effects that have a prior, as comparable numbers."""
+    keys = ((effect, (effect.name, name)) for effect in effects for name in effect.parameter_values())
+    return {key: to_number(effect, key[1], setting) for effect, key in keys if key in priors}
 
 
 def validation_distance(evidence: Evidence, simulator: Simulator, effects: Sequence[Effect]) -> float:

@@ -111,6 +111,14 @@ def test_nothing_learnt_is_applied_to_an_effect_that_was_edited(small: Learnt, t
     assert again.estimators == {}
 
 
+def test_an_effect_with_a_parameter_more_is_still_known(small: Learnt, tmp_path: Path) -> None:
+    """At its default it acts as before."""
+    known = {name: definition(name) for name in EFFECTS}
+    known["clipping"] = dict(list(known["clipping"].items())[:-1])
+    write_learnt(small, tmp_path, known)
+    assert not read_learnt(tmp_path, NAMES).outdated
+
+
 @pytest.mark.parametrize("name", ["learnt.json", "learnt.npz"])
 def test_missing_and_altered_files_are_refused(small: Learnt, tmp_path: Path, name: str) -> None:
     write_learnt(small, tmp_path)

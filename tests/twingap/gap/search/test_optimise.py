@@ -13,7 +13,7 @@ from twingap.gap.distance.paired import Paired
 from twingap.gap.search import evidence
 from twingap.gap.search import optimise as nearest
 from twingap.gap.search.evidence import Evidence, simulator_of
-from twingap.gap.search.optimise import Optimised, not_farther, optimise
+from twingap.gap.search.optimise import Optimised, at_estimates, closest, not_farther, optimise
 from twingap.gap.search.parameter_prior import Prior
 from twingap.gap.search.parameter_scale import to_number
 from twingap.identification.calibrate import calibrate
@@ -139,6 +139,26 @@ def test_what_drives_records_and_twin_apart_is_sought_anew_from_the_twin_without
     assert gaps[0] < 0.6 * gaps[1] < gaps[2]
     assert vars(found.effects[0])["level"] == pytest.approx(0.4, rel=0.3)
     assert not_farther(own, found, bare, {}) is found
+
+
+def test_values_far_from_their_estimates_are_tried_at_them_too() -> None:
+    """Roughness from a much weaker start ends weak; of both results the closer one is kept."""
+    truth = make_effect("distributed_roughness", {"level": 1.5, "depth": 0.6})
+    own = evidence_of(machine(truth))
+    priors = {("distributed_roughness", "level"): Prior(to_number(truth, "level", own.setting), 0.3)}
+    weak = make_effect("distributed_roughness", {"level": 0.1, "depth": 0.1})
+    near = make_effect("distributed_roughness", {"level": 1.4, "depth": 0.1})
+    assert at_estimates((near,), priors, own.setting) == (near,)
+    (back,) = at_estimates((weak,), priors, own.setting)
+    assert vars(back)["level"] == pytest.approx(1.5)
+    assert vars(back)["depth"] == 0.1, "no estimate"
+    results = [
+        optimise(own, own.against([effect]).simulator, [effect], {}, priors=priors, grid=False)
+        for effect in (weak, back)
+    ]
+    kept = closest(own, results, priors)
+    assert kept is results[1]
+    assert vars(kept.effects[0])["level"] == pytest.approx(1.5, rel=0.3)
 
 
 def test_a_baseline_that_is_off_is_brought_back() -> None:
