@@ -38,7 +38,7 @@ _LEVELS: Final = (1.0, 1.25, 0.8, 0.63, 0.5)
 @register
 @dataclass(frozen=True)
 class ForeignBearing(Effect):
-    """Another bearing's fault: impacts at an order that is not this bearing's, through a mode of their own or this path."""
+    """Another bearing's fault: impacts at an order that is not this bearing's, through their own mode or its path."""
 
     stage: ClassVar[Stage] = Stage.DISTURBANCE
     references: ClassVar[tuple[str, ...]] = (RANDALL_ANTONI,)

@@ -17,7 +17,7 @@ import scipy.fft
 from numpy.typing import NDArray
 
 from twingap.bearing import FAULTS
-from twingap.effects import Stage, catalogue
+from twingap.effects import Mode, Stage, catalogue
 from twingap.identification.impact_band import mode_band
 from twingap.records import Condition, Record, RecordSet
 from twingap.signal.record_transforms import Frame, medians
@@ -516,10 +516,10 @@ class _Matcher:
 def mode_density(resonance_hz: float, damping_ratio: float, fs_hz: float) -> Array:
     """[BANDS] Power density of sampled structure noise of unit variance, 1/Hz, from 0 to half the rate."""
     f = (np.arange(8 * BANDS) + 0.5) / (16 * BANDS)
-    w = 2 * math.pi * resonance_hz / fs_hz
-    r, theta = math.exp(-damping_ratio * w), math.sqrt(1 - damping_ratio**2) * w
-    turn = np.exp(-2j * math.pi * f)
-    power = 1 / np.abs(1 - 2 * r * math.cos(theta) * turn + r**2 * turn**2) ** 2
+    mode = Mode(resonance_hz, damping_ratio)
+    gain, pole, turn = mode.noise_gain(fs_hz), np.exp(mode.pole / fs_hz), np.exp(-2j * math.pi * f)
+    moving = gain.imag - (np.conj(pole) * gain).imag * turn
+    power = np.abs(moving / ((1 - pole * turn) * (1 - np.conj(pole) * turn))) ** 2
     return np.asarray((power / power.mean() * 2 / fs_hz).reshape(BANDS, 8).mean(axis=1))
 
 
