@@ -115,7 +115,7 @@ def test_two_records_give_wide_intervals() -> None:
     for name, estimate in wide.items():
         assert estimate.interval is not None and narrow[name].interval is not None
     spans = [(w.interval[1] - w.interval[0]) / (narrow[n].interval[1] - narrow[n].interval[0]) for n, w in wide.items()]
-    assert np.median(spans) > 2
+    assert np.median(spans) > 1.5, "a quarter of the records: about twice as wide"
 
 
 def test_one_record_of_each_is_cut_in_blocks_and_says_so() -> None:
