@@ -29,6 +29,9 @@ NEGLIGIBLE = 1e-6
 PAST = 16
 """Normal numbers that describe a force's past: two for each of eight modes; any further mode starts at rest."""
 
+_AT_ZEROS = 1e-9
+"""Imaginary part of a pole below which samples do not show the mode. A larger value leaves more modes as they are."""
+
 LEAD = 256
 """Samples computed before each record and cut off at the end, in which filters of the path settle."""
 
@@ -65,7 +68,10 @@ class Mode:
         time is many small impacts at any time. The mode then is an autoregressive moving average of orders (2, 1)
         (Pandit and Wu, Time Series and System Analysis with Applications, 1983, ch. 7), which this gain gives exactly.
         """
-        return _noise_gain(self.pole / fs_hz)
+        pole = np.array(self.pole / fs_hz)
+        (b0, b1), p = moving_average(pole), np.exp(pole)
+        # With a pole at a multiple of half the rate, samples are at the response's zeros.
+        return complex((p.real * b0 + b1) / p.imag, b0) if abs(p.imag) > _AT_ZEROS else 1.0
 
     @property
     def ring_down_s(self) -> float:
@@ -135,24 +141,18 @@ def response_rms(modes: Sequence[Mode], fs_hz: float) -> float:
     return _response_rms(tuple(modes), fs_hz)
 
 
-def _noise_gain(s: complex) -> complex:
-    """The gain for a pole s, per sample."""
-    p = np.exp(s)
-    if abs(p.imag) < 1e-9:  # sampled at the mode's zeros
-        return 1.0
-    # xi, what a sample's noise leaves in the state: E |xi|^2 and E xi^2. x_n - 2 Re p x_(n-1) + |p|^2 x_(n-2) is
-    # Im xi_n - Im(p* xi_(n-1)), a moving average b0 f_n + b1 f_(n-1) with that autocovariance.
+def moving_average(s: NDArray[np.complex128]) -> tuple[Array, Array]:
+    """Weights b0 and b1 of a white force's sample and the one before in the response of a mode of pole s per sample.
+
+    x_n - 2 Re p x_(n-1) + |p|^2 x_(n-2) = b0 f_n + b1 f_(n-1), p = exp(s), of a force that always acts; b0 > |b1|.
+    """
+    back = -np.exp(s).conj()
+    # xi, what a sample's noise leaves in the state: E |xi|^2 and E xi^2. The left side is Im xi_n - Im(p* xi_(n-1)).
     mixed, plain = np.expm1(2 * s.real) / (2 * s.real), np.expm1(2 * s) / (2 * s)
-
-    def covariance(a: complex, b: complex) -> float:
-        """E Im(a xi) Im(b xi)."""
-        return 0.5 * float((a * np.conj(b) * mixed - a * b * plain).real)
-
-    back = -np.conj(p)
-    same, next_ = covariance(1, 1) + covariance(back, back), covariance(1, back)
-    plus, minus = (math.sqrt(max(same + sign * 2 * next_, 0.0)) for sign in (1, -1))
-    b0, b1 = (plus + minus) / 2, (plus - minus) / 2
-    return complex((p.real * b0 + b1) / p.imag, b0)
+    own = 0.5 * (mixed * (1 + np.abs(back) ** 2) - (plain * (1 + back**2)).real)
+    next_ = 0.5 * (back.conj() * mixed - back * plain).real
+    plus, minus = (np.sqrt(np.maximum(own + sign * 2 * next_, 0.0)) for sign in (1, -1))
+    return (plus + minus) / 2, (plus - minus) / 2
 
 
 @lru_cache(maxsize=256)

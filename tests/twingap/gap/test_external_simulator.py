@@ -121,7 +121,7 @@ def test_effects_on_impacts_leave_the_simulators_noise_where_healthy_records_tel
     assert whole == pytest.approx([gain] * 4)
     own = ExternalSimulator(made, sim(timed, 1), BEARING, 1.0)
     apart = power_between(own)
-    assert max(apart) < 0.5 * gain, "impacts ring on into the quietest fifth"
+    assert max(apart) < 0.6 * gain, "impacts ring on into the quietest fifth"
     # The same again, at another level too: what is kept is of the records as they were brought.
     assert power_between(own) == apart
     assert power_between(own.with_gain(3 * own.gain)) == pytest.approx(apart, rel=1e-3)
@@ -283,7 +283,9 @@ def test_like_records_get_different_simulated_ones() -> None:
 def test_what_a_waveform_cannot_take_is_said() -> None:
     own = ExternalSimulator(sim(), sim(seed=1), BEARING, 1.0)
     assert "finished waveform" in str(own.can_add("mean_slip"))
-    assert "no path" in str(own.can_add("distributed_roughness"))
+    assert own.can_add("distributed_roughness") is None, "its impacts show its path"
+    quiet = ExternalSimulator(sim([CONDITIONS[0]]), sim([CONDITIONS[0]], 1), BEARING, 1.0)
+    assert "no path" in str(quiet.can_add("distributed_roughness"))
     assert own.can_add("speed_fluctuation") is None
     assert own.can_add("clipping") is None
 

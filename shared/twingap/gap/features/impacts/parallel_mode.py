@@ -19,6 +19,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from twingap.effects.modes import moving_average
 from twingap.records import Array
 
 Complex = NDArray[np.complex128]
@@ -62,7 +63,7 @@ class Path:
         moves the sensor against the path.
         """
         place, damping = (a.ravel() for a in np.meshgrid(places, np.asarray(dampings, float), indexing="ij"))
-        relative = ring_down_response(self.f, place[:, None, None], damping[:, None, None]) * self.inverse[:, None]
+        relative = mode_response(self.f, place[:, None, None], damping[:, None, None]) * self.inverse[:, None]
         along, alone = relative.real.mean(axis=2), (relative.real**2 + relative.imag**2).mean(axis=2)
         most = (self.passed * alone)[:, self.known].max(axis=1)
         wanted = np.asarray(levels, float)
@@ -74,15 +75,13 @@ class Path:
         return curves, values, wanted.tolist() * place.size
 
 
-def ring_down_response(f: Array, place: Array | float, damping: Array | float) -> Complex:
-    """Minimum-phase response of sampled ring-down, about 1 at its peak; frequencies are parts of the sampling rate.
-
-    The delay of one sample is left out here and in `least_phase`; it cancels in their ratio.
-    """
-    w, turn = 2 * math.pi * place, np.exp(-2j * np.pi * f)
-    decay, angle = np.exp(-damping * w), w * np.sqrt(1 - damping**2)
-    size = (1 - decay) * np.abs(1 - decay * np.exp(-2j * angle))
-    return np.asarray(size / (1 - 2 * decay * np.cos(angle) * turn + decay**2 * turn**2))
+def mode_response(f: Array, place: Array | float, damping: Array | float) -> Complex:
+    """Minimum-phase response of a mode, sampled, about 1 at its peak; frequencies are parts of the sampling rate."""
+    pole = 2 * math.pi * place * (-damping + 1j * np.sqrt(1 - np.asarray(damping) ** 2))
+    (now, before), turn = moving_average(np.asarray(pole)), np.exp(-2j * np.pi * f)
+    decay, angle = np.exp(pole.real), pole.imag
+    size = (1 - decay) * np.abs(1 - decay * np.exp(-2j * angle)) / np.abs(now + before * np.exp(-1j * angle))
+    return np.asarray(size * (now + before * turn) / (1 - 2 * decay * np.cos(angle) * turn + decay**2 * turn**2))
 
 
 def least_phase(power: Array) -> Complex:

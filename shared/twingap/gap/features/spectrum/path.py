@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twingap._compiled import njit
+from twingap.effects.modes import moving_average
 from twingap.effects.observations import ModePair
 from twingap.gap.features.spectrum.record_summary import RecordSummary, log_bands
 from twingap.records import Array
@@ -272,11 +273,12 @@ _DELAY: Final = np.exp(-2j * math.pi * _FINE_F)
 
 
 def _response(place: Array, damping: Array) -> NDArray[np.complex128]:
-    """[candidates, frequencies] Response of sampled modes exp(-zeta w t) sin(w_d t), but for a delay of one sample."""
+    """[candidates, frequencies] Samples of modes exp(-zeta w t) sin(w_d t) under a force that always acts."""
     w, damping = 2 * math.pi * place[:, None], np.minimum(damping, 0.95)[:, None]
-    decay, turn = np.exp(-damping * w), w * np.sqrt(1 - damping * damping)
-    below = 1 - (2 * decay * np.cos(turn)) * _DELAY + decay**2 * _DELAY**2
-    return np.asarray(decay * np.sin(turn) / below)
+    pole = w * (-damping + 1j * np.sqrt(1 - damping * damping))
+    (now, before), decay = moving_average(pole), np.exp(pole.real)
+    below = 1 - (2 * decay * np.cos(pole.imag)) * _DELAY + decay**2 * _DELAY**2
+    return np.asarray((now + before * _DELAY) / below)
 
 
 @njit()

@@ -40,7 +40,7 @@ def compared(name, effects, seed=1, **more):
 @pytest.mark.parametrize("name", RATES)
 def test_one_machine_has_no_comb_against_itself(name):
     found = compared(name, ())
-    assert found["clear_gain"] < 0.1
+    assert found["clear_gain"] < 0.2
     assert found["faint_score"] < 1
 
 

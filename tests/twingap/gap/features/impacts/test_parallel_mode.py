@@ -24,21 +24,29 @@ def test_the_least_phase_of_a_mode_is_that_of_its_samples(place):
     found = least_phase(np.abs(true) ** 2)
     assert np.abs(found) == pytest.approx(np.abs(true), rel=1e-9)
     assert np.angle(found / true) == pytest.approx(0.0, abs=0.02)
-    shape = parallel_mode.ring_down_response(F, place, 0.05)
-    assert shape / shape[3] == pytest.approx(true / true[3], rel=1e-6)
+
+
+@pytest.mark.parametrize("place", [0.08, 0.2, 0.3])
+def test_the_response_of_a_mode_is_least_phase_and_has_the_power_of_all_aliases(place):
+    shape = parallel_mode.mode_response(F, place, 0.05)
+    s = 2j * np.pi * (F[:, None] + np.arange(-200, 201))
+    pole = 2 * np.pi * place * complex(-0.05, np.sqrt(1 - 0.05**2))
+    power = (1 / np.abs((s - pole) * (s - np.conj(pole))) ** 2).sum(axis=1)
+    assert np.abs(shape) ** 2 / np.abs(shape[3]) ** 2 == pytest.approx(power / power[3], rel=2e-3)
+    assert np.angle(least_phase(np.abs(shape) ** 2) / shape) == pytest.approx(0.0, abs=0.02)
     assert np.abs(shape).max() == pytest.approx(1.0, abs=0.08)
 
 
 @pytest.mark.parametrize("against", [1.0, -1.0])
 def test_a_mode_in_parallel_raises_one_side_and_lowers_the_other(against):
-    power = np.abs(response(F, 0.12, 0.05)) ** 2
+    power = np.abs(parallel_mode.mode_response(F, 0.12, 0.05)) ** 2
     path = Path([power], [0.0], [True])
     curves, ((place, damping, gain),), _ = path.curves(np.array([0.2]), (0.06,), (against * 0.5,))
     assert (place, damping) == (0.2, 0.06)
     assert np.sign(gain) == against
     unit = np.sqrt(power.max())
-    alone = response(F, 0.12, 0.05) / unit
-    true = np.log(np.abs(1 + gain * parallel_mode.ring_down_response(F, 0.2, 0.06) / alone) ** 2)
+    alone = parallel_mode.mode_response(F, 0.12, 0.05) / unit
+    true = np.log(np.abs(1 + gain * parallel_mode.mode_response(F, 0.2, 0.06) / alone) ** 2)
     assert np.median(np.abs(curves[0] - true)) < 0.03
     assert curves[0].max() > 0.5 and curves[0].min() < -0.3
 
@@ -46,7 +54,7 @@ def test_a_mode_in_parallel_raises_one_side_and_lowers_the_other(against):
 def test_white_noise_is_left_alone():
     """Where nothing has passed the path, no mode adds anything, whatever its gain over the path."""
     white = 1.0
-    power = white + np.abs(parallel_mode.ring_down_response(F, 0.12, 0.03)) ** 2 * np.where(
+    power = white + np.abs(parallel_mode.mode_response(F, 0.12, 0.03)) ** 2 * np.where(
         np.abs(F - 0.12) < 0.05, 9.0, 1e-6
     )
     path = Path([power], [0.95 * white], [True])
