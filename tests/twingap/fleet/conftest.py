@@ -40,7 +40,7 @@ def machines(tmp_path_factory: pytest.TempPathFactory) -> Path:
     top = tmp_path_factory.mktemp("fleet") / "Maschinen & Co"
     write_machine(top / COARSE, (make_effect("quantisation", {"step": 0.8}),), 1)
     write_machine(top / PLAIN, (), 2)
-    write_machine(top / LAST, (), 3)
+    write_machine(top / LAST, (), 5)
     (top / BAD).mkdir(parents=True)
     (top / BAD / "recordset.toml").write_text('[recordset]\nunit = "g"\n', encoding="utf-8")
     return top

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 import scipy.optimize
 
+from twingap.effects.modes import Mode
 from twingap.gap.features.impacts import envelope_comb
 from twingap.gap.features.spectrum import change, difference, path
 from twingap.gap.features.tones import tones
@@ -129,7 +130,8 @@ def _plain_misfit(curves: path._Curves, at: np.ndarray, model: int) -> float:
     response = np.zeros(z.size, complex)
     for place, damping, gain in [(at[0], at[1], 1.0), *([at[2:5]] if model == path._TWO else [])]:
         pole = np.exp(2 * math.pi * place * complex(-damping, math.sqrt(1 - damping**2)))
-        response += gain * (1 / (1 - pole * z) - 1 / (1 - pole.conjugate() * z)) / 2j
+        enters = Mode(place, damping).noise_gain(1.0)
+        response += gain * (enters / (1 - pole * z) - enters.conjugate() / (1 - pole.conjugate() * z)) / 2j
     power, added = np.abs(response) ** 2, np.zeros(path.BANDS)
     if model == path._ROLLED:
         kept = 1 / (1 + ((np.arange(z.size) + 0.5) / (2 * z.size) / at[2]) ** (2 * at[3]))

@@ -58,13 +58,13 @@ def test_what_distance_cannot_tell_stays_as_the_estimate_says() -> None:
     start = make_effect("speed_gain", {"exponent": 1.8, "reference_speed_rpm": 1500.0})
     begun = own.against([start]).simulator
     values = flat(begun.spec.parameters)  # type: ignore[attr-defined]
-    begun = own.with_values(begun, [start], {"impact_amplitude.inner": 1.5 * values["impact_amplitude.inner"]})
+    begun = own.with_values(begun, [start], {"impact_amplitude.inner": 1.4 * values["impact_amplitude.inner"]})
     free = optimise(own, begun, [start], {EXPONENT: 0.4})
     held = optimise(own, begun, [start], {EXPONENT: 0.4}, priors={EXPONENT: Prior(1.8, 0.3)})
     assert vars(free.effects[0])["exponent"] < 1.3
     assert vars(held.effects[0])["exponent"] == pytest.approx(1.8, abs=0.15)
     distances = [own.misfit(found.simulator, found.effects) for found in (free, held)]
-    assert distances[1] < 1.1 * distances[0]  # the baseline, put off by half, is held by what calibration says
+    assert distances[1] < 1.1 * distances[0]  # the baseline, put off by 40 %, is held by what calibration says
 
 
 def test_what_records_show_outweighs_what_an_estimate_says() -> None:
