@@ -70,7 +70,7 @@ class DistributedRoughness(Effect):
     def _through(self, response: Array | None, draft: Draft, rng: np.random.Generator) -> Array:
         """[`LEAD` + samples] What a finished waveform's path makes of the force."""
         assert response is not None  # see `cannot_act_on`
-        step = draft.turns[-1] / (draft.turns.size - 1)
+        step = draft.shaft_hz / draft.condition.fs_hz
         before = draft.turns[0] - step * np.arange(LEAD + response.size - 1, 0, -1)
         swell = self._swell(np.concatenate((before, draft.turns)) + rng.random())
         made = fftconvolve(swell * rng.standard_normal(swell.size), response, mode="valid")

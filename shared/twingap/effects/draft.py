@@ -16,7 +16,7 @@ cage_lag           none (impacts move)         cage angle = ftf ratio           
                                                (turns - cage_lag)
 gain               none (amplitudes change)    respond(): x = gain x + ...        x = gain x
 background         none                        none                               x = impacts alone + background
-force              respond(): through modes    respond(): ... + through modes     none: what needs it refuses
+force              respond(): through modes    respond(): ... + through modes     none: see impact_response
 filters            respond(): x                respond(): x                       x
 sensed_noise       white noise                 white noise                        none: x holds its noise already
 """

@@ -30,7 +30,6 @@ _ORDERS: Final = ("lines.comb_order|all", "background.foreign_order|all", "backg
 """Features that estimate the order of the impacts."""
 _SAME_ORDER: Final = 0.003
 """Relative difference of two estimates of the order below which a search begins at one of them alone."""
-
 _LEVELS: Final = (1.0, 1.25, 0.8, 0.63, 0.5)
 """Factors on the level at which the path of this bearing is tried. More factors cost one simulation each."""
 
@@ -38,7 +37,10 @@ _LEVELS: Final = (1.0, 1.25, 0.8, 0.63, 0.5)
 @register
 @dataclass(frozen=True)
 class ForeignBearing(Effect):
-    """Another bearing's fault: impacts at an order that is not this bearing's, through their own mode or its path."""
+    """Another bearing's fault: impacts at an order that is not this bearing's.
+
+    They ring in a mode of their own, or with `own_path` as the impacts of this bearing do.
+    """
 
     stage: ClassVar[Stage] = Stage.DISTURBANCE
     references: ClassVar[tuple[str, ...]] = (RANDALL_ANTONI,)
@@ -63,10 +65,9 @@ class ForeignBearing(Effect):
     damping_ratio: float = parameter(
         0.05, unit="", plausible=(0.01, 0.2), allowed=(1e-4, 0.99), log=True, doc="damping ratio of its mode"
     )
-
     own_path: bool = parameter(
         False, unit="", plausible=(0, 1), allowed=(0, 1), searched=False,
-        doc="whether its impacts come through the path of this bearing's, where that is known, and not through a mode",
+        doc="whether its impacts take the path of this bearing's, where that is known, in place of a mode",
     )  # fmt: skip
 
     def apply(self, draft: Draft, rng: np.random.Generator) -> None:

@@ -112,7 +112,7 @@ def _gained(draft: Draft, impacts: Array, background: Array | None) -> Array:
     mean = float(gain.mean())
     if draft.x is not impacts or not mean > 0:
         return np.asarray(draft.x * gain + draft.background)
-    # Changes of the gain within a record leave its power as it is, their mean does not.
-    still = float(np.sqrt(np.mean(draft.background**2) / max(float(np.mean(background**2)), 1e-300)))
+    # Changes within a record leave its mean power about as it is; the mean of the gain does not.
+    on_background = float(np.sqrt(np.mean(draft.background**2) / max(float(np.mean(background**2)), 1e-300)))
     varied = impacts * (gain / mean)
-    return amplified(varied + background, varied, mean, still)
+    return amplified(varied + background, varied, mean, on_background)

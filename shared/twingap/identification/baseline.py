@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from twingap.bearing import FAULTS
 from twingap.effects import Mode, Stage, catalogue
+from twingap.effects.modes import moving_average
 from twingap.identification.impact_band import mode_band
 from twingap.records import Condition, Record, RecordSet
 from twingap.signal.record_transforms import Frame, medians
@@ -516,10 +517,9 @@ class _Matcher:
 def mode_density(resonance_hz: float, damping_ratio: float, fs_hz: float) -> Array:
     """[BANDS] Power density of sampled structure noise of unit variance, 1/Hz, from 0 to half the rate."""
     f = (np.arange(8 * BANDS) + 0.5) / (16 * BANDS)
-    mode = Mode(resonance_hz, damping_ratio)
-    gain, pole, turn = mode.noise_gain(fs_hz), np.exp(mode.pole / fs_hz), np.exp(-2j * math.pi * f)
-    moving = gain.imag - (np.conj(pole) * gain).imag * turn
-    power = np.abs(moving / ((1 - pole * turn) * (1 - np.conj(pole) * turn))) ** 2
+    s, turn = np.array(Mode(resonance_hz, damping_ratio).pole / fs_hz), np.exp(-2j * math.pi * f)
+    (now, before), pole = moving_average(s), np.exp(s)
+    power = np.abs((now + before * turn) / ((1 - pole * turn) * (1 - np.conj(pole) * turn))) ** 2
     return np.asarray((power / power.mean() * 2 / fs_hz).reshape(BANDS, 8).mean(axis=1))
 
 
