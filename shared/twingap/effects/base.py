@@ -309,6 +309,14 @@ class Effect(ABC):
         return False
 
     @classmethod
+    def shows_gap(cls, seen: Observations) -> bool:
+        """Whether features show by it that there is a gap, though no test for a gap does. False by default.
+
+        At most one in 100 machines without a gap may show one, over all effects together.
+        """
+        return False
+
+    @classmethod
     def shown(cls, seen: Observations) -> Mapping[str, float]:
         """Values, by parameter, that features show exactly, in place of learnt estimates. None by default."""
         return {}

@@ -10,6 +10,7 @@ from typing import ClassVar, Final
 import numpy as np
 
 from twingap.effects import measurements
+from twingap.effects._faint_lines import lacks_faint_lines
 from twingap.effects._features import TONES
 from twingap.effects.angle import cosine
 from twingap.effects.base import Effect, Stage, parameter
@@ -25,6 +26,17 @@ drive have one. A smaller value takes chance pairs of gears and of other bearing
 _SHOWN: Final = math.log1p(5.0)
 """Compressed z of such a pair from which the drive's values are read off it. A smaller value reads fainter pairs, some
 of them by chance."""
+_SPEEDS: Final = math.log(1.03)
+"""Least logarithm of the highest over the lowest speed for such a pair. A smaller value takes lines of gears for it."""
+_FAINT: Final = 6.5
+"""z of faint side lines from which they are a drive's: fewer than one in 100 machines without a drive have some."""
+_BEYOND_DOUBT: Final = 7.0
+"""The same where nothing else shows a gap. A smaller value finds fainter lines, and gives more false alarms."""
+_FAINTEST: Final = 5.5
+"""z of faint side lines from which the drive's values are read off them."""
+_OF_SIDES: Final = ("", "_rival", "_own", "_fs", "_order", "_level", "_own_level")
+_OWN_LINE: Final = 3.0
+"""z of a line at the carrier from which its amplitude is known."""
 _SUPPRESSED: Final = 50.0
 """Depth of modulation of a carrier without a line of its own. A larger value leaves less of the carrier."""
 
@@ -78,20 +90,41 @@ class DriveInterference(Effect):
 
     @classmethod
     def certain(cls, seen: Observations) -> bool:
-        """Where the records have a certain pair of lines without a line between them, and the twin has none."""
+        """Where the records have a certain pair of lines without a line between them, or faint side lines of a carrier,
+        and the twin has none."""
         pair = seen.features["pooled|pair"]
-        return pair > math.log1p(CERTAIN_PAIR) > pair - seen.features["pooled|pair.diff"]
+        clear = pair > math.log1p(CERTAIN_PAIR) > pair - seen.features["pooled|pair.diff"]
+        # At one speed, lines of a gear or of another bearing are such a pair, too.
+        clear = clear and seen.features["context|speeds"] > _SPEEDS
+        return clear or lacks_faint_lines(seen, "sides", _FAINT)
+
+    @classmethod
+    def shows_gap(cls, seen: Observations) -> bool:
+        return lacks_faint_lines(seen, "sides", _BEYOND_DOUBT)
 
     @classmethod
     def shown(cls, seen: Observations) -> Mapping[str, float]:
-        """Both lines, where they are clearer than a carrier with two lines."""
+        """Both lines, where they are clearer than a carrier with two lines, or too faint for it."""
         if not seen.features["pooled|pair"] >= max(_SHOWN, seen.features["pooled|carrier_balance"]):
-            return {}
+            return cls._shown_faintly(seen) if seen.features["pooled|carrier_balance"] < _SHOWN else {}
         amplitude = math.exp(seen.features["pooled|pair_level"])
         return {
             "level": 2 * amplitude / _SUPPRESSED, "depth": _SUPPRESSED,
             "carrier_hz": math.exp(seen.features["pooled|pair_fs"]) * seen.fs_hz,
             "sideband_order": seen.features["pooled|pair_side_order"],
+        }  # fmt: skip
+
+    @classmethod
+    def _shown_faintly(cls, seen: Observations) -> Mapping[str, float]:
+        """Faint side lines and their carrier, where they exceed those by chance."""
+        found = {name: seen.features.get(f"pooled|faint_sides{name}", math.nan) for name in _OF_SIDES}
+        if not found[""] > max(found["_rival"] + 1, _FAINTEST):
+            return {}
+        side = math.exp(found["_level"])
+        carrier = math.exp(found["_own_level"]) if found["_own"] > _OWN_LINE else 2 * side / _SUPPRESSED
+        return {
+            "level": carrier, "depth": 2 * side / carrier, "carrier_hz": math.exp(found["_fs"]) * seen.fs_hz,
+            "sideband_order": found["_order"],
         }  # fmt: skip
 
     def variant(self, machine: Machine, rng: np.random.Generator) -> Effect:

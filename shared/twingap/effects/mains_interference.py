@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twingap.effects import measurements
+from twingap.effects._faint_lines import lacks_faint_lines
 from twingap.effects._features import TONES
 from twingap.effects._references import RANDALL_BOOK
 from twingap.effects._tones import (
@@ -26,6 +27,7 @@ from twingap.effects.draft import Draft
 from twingap.effects.drawing import tone_level
 from twingap.effects.harmonic_series import HarmonicSeries
 from twingap.effects.machine import Machine
+from twingap.effects.observations import Observations
 from twingap.effects.registry import register
 from twingap.records import Condition, Record
 
@@ -42,6 +44,10 @@ _MOST_HARMONICS: Final = 20
 _GEOMETRIC: Final = 0.4
 """Largest deviation of the logarithm of an amplitude from a geometric decay. A larger value reads off less regular
 hums, whose harmonics the effect does not describe."""
+_FAINT: Final = 5.0
+"""z of faint lines from which they are a hum: fewer than one in 100 machines without have some."""
+_BEYOND_DOUBT: Final = 6.5
+"""The same where nothing else shows a gap. A smaller value finds fainter lines, and gives more false alarms."""
 
 
 @register
@@ -90,6 +96,15 @@ class MainsInterference(HarmonicSeries):
             "level": tone_level(rng, machine, 2.0), "decay": rng.uniform(0.2, 0.9),
             "mains_hz": float(rng.choice([50.0, 60.0])), "n_harmonics": int(rng.integers(1, 9)),
         }  # fmt: skip
+
+    @classmethod
+    def certain(cls, seen: Observations) -> bool:
+        """Where all records share faint lines of a hum, and the twin's do not."""
+        return lacks_faint_lines(seen, "mains", _FAINT)
+
+    @classmethod
+    def shows_gap(cls, seen: Observations) -> bool:
+        return lacks_faint_lines(seen, "mains", _BEYOND_DOUBT)
 
     @classmethod
     def read_off(cls, records: Iterable[Record], simulated: Iterable[Record]) -> Mapping[str, float]:

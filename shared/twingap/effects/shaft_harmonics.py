@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from twingap.effects import measurements
+from twingap.effects._faint_lines import lacks_faint_lines
 from twingap.effects._features import TONES
 from twingap.effects._references import ISO_13373, RANDALL_BOOK
 from twingap.effects._tones import UnevenHarmonics, add_harmonics, speed_dependence, uneven_factors
@@ -17,9 +18,17 @@ from twingap.effects.base import Effect, Stage, parameter
 from twingap.effects.draft import Draft
 from twingap.effects.drawing import tone_level
 from twingap.effects.machine import Machine
+from twingap.effects.observations import Observations
 from twingap.effects.registry import register
 
 Array = NDArray[np.float64]
+
+_FAINT: Final = 5.0
+"""z of faint lines from which they are harmonics of the shaft: fewer than one in 100 machines without have some."""
+_BEYOND_DOUBT: Final = 6.0
+"""The same where nothing else shows a gap. A smaller value finds fainter lines, and gives more false alarms."""
+_HALF_ORDERS: Final = 4.0
+"""z of half orders from which whole orders are those of a loose part. A larger value takes them for the shaft's."""
 
 
 @register
@@ -61,6 +70,22 @@ class ShaftHarmonics(Effect):
         levels = strongest * 10 ** (-rng.uniform(0, 12, 3) / 20)
         levels[rng.integers(3)] = strongest
         return {f"level_{k}x": float(level) for k, level in enumerate(levels, start=1)}
+
+    @classmethod
+    def certain(cls, seen: Observations) -> bool:
+        """Where all records share faint lines at whole orders and none at half orders, and the twin's do not."""
+        return cls._has(seen, _FAINT)
+
+    @classmethod
+    def shows_gap(cls, seen: Observations) -> bool:
+        return cls._has(seen, _BEYOND_DOUBT)
+
+    @classmethod
+    def _has(cls, seen: Observations, least: float) -> bool:
+        """Whether there are such lines of at least this z."""
+        return seen.features.get("pooled|faint_shaft_half", 0.0) < _HALF_ORDERS and lacks_faint_lines(
+            seen, "shaft", least
+        )
 
     def variant(self, machine: Machine, rng: np.random.Generator) -> Effect:
         factors = tuple(uneven_factors(rng).tolist())

@@ -139,6 +139,11 @@ class RecordTransforms:
         """[n // 2 + 1] Power spectrum (Hann) scaled for tones: a sine of amplitude a has a peak of a^2 / 2, unit^2."""
         return _tone_power(self._transforms[1], self.x.size)
 
+    def tones_between(self) -> Array:
+        """[n // 2 + 1] `tones` at the frequencies half a bin above its own, unit^2."""
+        padded = scipy.fft.rfft(self.centred * _hann(self.x.size), 2 * self.x.size)
+        return _tone_power(np.append(padded[1::2], 0.0)[: self.x.size // 2 + 1], self.x.size)
+
     @cached_property
     def smooth(self) -> Array:
         """[SMOOTH_SEGMENTS] One-sided power density between 0 and fs / 2 with tones removed, unit^2 / Hz.

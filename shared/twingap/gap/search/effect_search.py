@@ -71,6 +71,8 @@ DOUBT: Final = 2.0
 MODELLED_PRIOR_WEIGHT: Final = 10.0
 """Factor on the prior of the values of modelled effects. A larger value keeps them closer to their estimates, so
 that they do not compensate for effects that are missing."""
+SHOWN_P: Final = 0.01
+"""Part of the machines without a gap, at most, of which features show one by an effect (`Effect.shows_gap`)."""
 CERTAIN: Final = 3.0
 """Least log odds of an effect that features show beyond doubt. A larger value gives it a larger probability."""
 TREND_WEIGHT: Final = 10.0
@@ -106,6 +108,7 @@ class Explanation:
     cannot: Mapping[str, str]  # effects that the simulator cannot add, and the reason
     # Effects without a detector, at the values that were fitted to the twin, named or not.
     fitted: Mapping[str, Effect] = field(default_factory=dict)
+    by_lines: bool = False  # whether lines alone show the gap, of which the distance sees little
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -176,6 +179,9 @@ def explain(evidence: Evidence, learnt: Learnt, progress: Progress) -> Explanati
         for name, outcome in ended.outcomes.items()
     } | {name: unlearnt.probability(gain.p_value) for name, gain in tested.items()}
     gap = p_value <= level_of_gap(evidence, max((probability[n] for n in ended.outcomes), default=0.0))
+    by_lines = not gap and found.shows_gap()
+    if by_lines:  # Bonferroni: two tests
+        gap, p_value = True, min(p_value, 2 * SHOWN_P)
     sure = [name for name, gain in tested.items() if gain.p_value <= unlearnt.LEVEL / len(own)]
     if not gap:
         # A twin is never calibrated perfectly: an effect that makes up for that is no effect that is missing.
@@ -194,7 +200,7 @@ def explain(evidence: Evidence, learnt: Learnt, progress: Progress) -> Explanati
     return Explanation(
         p_value, gap, tuple(found.values[name] for name in named),
         probability | dict.fromkeys(found.already, 0.0), sets if gap else ((), *filter(None, sets)), rest_p,
-        before, after, found.cannot, fitted,
+        before, after, found.cannot, fitted, by_lines,
     )  # fmt: skip
 
 
@@ -274,6 +280,11 @@ class _Search:
         if effects:
             self.now = self.evidence.against(self.added())
             self.refine(list(effects))
+
+    def shows_gap(self) -> bool:
+        """Whether features show a gap by an effect that the given twin lacks."""
+        seen = observations(self.evidence, self.evidence.against().held_out)
+        return any(catalogue()[name].shows_gap(seen) for name in self.first)
 
     def odds(self, compared: Compared, *, left_out: bool = False) -> dict[str, float]:
         """Log odds that the twin lacks each effect; effects of the given twin are left out.

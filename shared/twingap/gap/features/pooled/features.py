@@ -18,7 +18,7 @@ import numpy as np
 
 from twingap.gap.features.impacts import impact_pair_comb
 from twingap.gap.features.impacts.impulse_response import PLACES, ImpactSpectrum
-from twingap.gap.features.pooled import lines, trends
+from twingap.gap.features.pooled import faint, lines, trends
 from twingap.gap.features.pooled.trends import Levels
 from twingap.gap.features.spectrum.record_summary import RecordSummary
 from twingap.records import Array
@@ -36,6 +36,12 @@ class PooledRecords:
         found = lines.measure([summary.whitened for summary in self.summaries], self.summaries[0].frame.bearing)
         found["pair_level"] -= math.log(max(self.summaries[0].frame.scale, 1e-300))
         return np.array([found[name] for name in lines.NAMES])
+
+    @cached_property
+    def faint(self) -> Array:
+        """[faint.NAMES] Lines that are faint in each record."""
+        found = faint.measure([summary.whitened for summary in self.summaries], self.summaries[0].frame.scale)
+        return np.array([found[name] for name in faint.NAMES])
 
     @cached_property
     def noise(self) -> Array:
@@ -56,6 +62,7 @@ def feature_names() -> Sequence[str]:
     return (
         *(f"comb|{name}" for name in impact_pair_comb.NAMES), *(f"trend|{name}" for name in trends.NAMES),
         *(f"pooled|{name}" for name in lines.NAMES), *(f"pooled|{name}.diff" for name in lines.NAMES),
+        *(f"pooled|{name}" for name in faint.NAMES), *(f"pooled|{name}.diff" for name in faint.NAMES),
     )  # fmt: skip
 
 
@@ -76,4 +83,11 @@ def compare(real: PooledRecords, simulated: PooledRecords, over: Levels) -> Arra
         warnings.simplefilter("ignore", RuntimeWarning)  # means of empty sets are NaN on purpose
         slopes = over.trends()
     first = [*(combs[name] for name in impact_pair_comb.NAMES), *(slopes[name] for name in trends.NAMES)]
-    return np.concatenate((first, real.lines, real.lines - simulated.lines))
+    theirs = simulated.faint if _has_faint_lines(real.faint) else np.full(len(faint.NAMES), np.nan)
+    return np.concatenate((first, real.lines, real.lines - simulated.lines, real.faint, real.faint - theirs))
+
+
+def _has_faint_lines(found: Array) -> bool:
+    """Whether any kind of faint line stands out; where none does, nobody asks for the twin's."""
+    named = dict(zip(faint.NAMES, found, strict=True))
+    return any(named[f"faint_{kind}"] >= named[f"faint_{kind}_rival"] + 1 for kind in faint.KINDS)
