@@ -10,7 +10,7 @@ from typing import ClassVar, Final
 import numpy as np
 
 from twingap.effects import measurements
-from twingap.effects._faint_lines import lacks_faint_lines
+from twingap.effects._faint_lines import SIDES, lacks_faint_lines
 from twingap.effects._features import TONES
 from twingap.effects.angle import cosine
 from twingap.effects.base import Effect, Stage, parameter
@@ -96,11 +96,11 @@ class DriveInterference(Effect):
         clear = pair > math.log1p(CERTAIN_PAIR) > pair - seen.features["pooled|pair.diff"]
         # At one speed, lines of a gear or of another bearing are such a pair, too.
         clear = clear and seen.features["context|speeds"] > _SPEEDS
-        return clear or lacks_faint_lines(seen, "sides", _FAINT)
+        return clear or lacks_faint_lines(seen, SIDES, _FAINT)
 
     @classmethod
     def shows_gap(cls, seen: Observations) -> bool:
-        return lacks_faint_lines(seen, "sides", _BEYOND_DOUBT)
+        return lacks_faint_lines(seen, SIDES, _BEYOND_DOUBT)
 
     @classmethod
     def shown(cls, seen: Observations) -> Mapping[str, float]:

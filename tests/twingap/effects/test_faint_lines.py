@@ -1,0 +1,35 @@
+"""Faint lines are missing where the records have them beyond chance and the twin has not."""
+
+from __future__ import annotations
+
+import math
+from types import SimpleNamespace
+
+import pytest
+
+from twingap.effects._faint_lines import lacks_faint_lines
+
+
+def seen(kind: str, z: float, rival: float, theirs: float, their_rival: float) -> SimpleNamespace:
+    name = f"pooled|faint_{kind}"
+    ours = {name: z, f"{name}_rival": rival}
+    return SimpleNamespace(features=ours | {f"{name}.diff": z - theirs, f"{name}_rival.diff": rival - their_rival})
+
+
+@pytest.mark.parametrize("kind", ["sides", "mains", "shaft"])
+def test_lines_of_the_records_alone_are_missing(kind: str) -> None:
+    assert lacks_faint_lines(seen(kind, 9.0, 5.0, 1.0, 1.5), kind, 5.0)
+    assert not lacks_faint_lines(seen(kind, 4.9, 1.0, 1.0, 1.5), kind, 5.0)
+    assert not lacks_faint_lines(seen(kind, 9.0, 8.0, 1.0, 1.5), kind, 5.0)
+    assert not lacks_faint_lines(seen(kind, 9.0, 5.0, 8.0, 5.0), kind, 5.0)
+
+
+def test_the_best_of_many_places_is_high_by_chance_and_known_places_are_not() -> None:
+    assert lacks_faint_lines(seen("sides", 9.0, 5.0, 5.2, 5.0), "sides", 5.0)
+    assert not lacks_faint_lines(seen("mains", 6.4, 2.7, 4.1, 4.0), "mains", 5.0)
+
+
+def test_what_is_not_known_is_not_missing_and_a_twin_without_lines_needs_no_value() -> None:
+    assert not lacks_faint_lines(SimpleNamespace(features={}), "mains", 5.0)
+    assert not lacks_faint_lines(seen("shaft", math.nan, 2.0, 1.0, 1.0), "shaft", 5.0)
+    assert lacks_faint_lines(seen("shaft", 9.0, 2.0, math.nan, math.nan), "shaft", 5.0)
