@@ -27,6 +27,8 @@ _RIVALS: Final = np.concatenate((np.arange(43.3, 49.0, 0.9), np.arange(51.2, 59.
 """Frequencies, Hz, of which no supply has multiples."""
 _SPREAD: Final = 0.94
 """Standard deviation of the capped power of noise in one record, over its mean."""
+_FLOOR: Final = 0.7
+"""Least mean power over that of noise that a line is compared with, where most of the records are left out."""
 _TURNING: Final = 0.006
 """Relative error of shaft orders that are left out. A larger value leaves less of the spectrum."""
 _CAGE: Final = 0.004
@@ -74,13 +76,9 @@ def strongest(spectra: FineSpectra) -> FaintMains | None:
     )
 
 
-_FLOOR: Final = 0.7
-"""Least mean power over that of noise that a line is compared with, where most of the records are left out."""
-
-
 def _without_turning(record: Whitened, step_hz: float, top: int) -> Array:
     """[top] 0 at multiples of half the shaft rate and at lines of the defect, else 1."""
-    kept = np.ones(top, np.float32)
+    kept = np.ones(top)
     shaft = np.arange(1, 2 * top * step_hz / record.shaft_hz + 1) * record.shaft_hz / 2 / step_hz
     _leave_out(kept, shaft, 2.5 + _TURNING * shaft)
     if math.isfinite(record.rate_hz):

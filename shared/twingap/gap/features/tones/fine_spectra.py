@@ -55,8 +55,10 @@ class FineSpectra(NamedTuple):
 
     def powers(self, low_hz: float, high_hz: float) -> Fine:
         """[records, bins] `Whitened.fine` between two frequencies."""
-        places = np.arange(round(low_hz / self.step_hz), round(high_hz / self.step_hz))
-        return np.stack([_read(record, places * self.step_hz) for record in self.records])
+        places_hz = np.asarray(
+            np.arange(round(low_hz / self.step_hz), round(high_hz / self.step_hz)) * self.step_hz, float
+        )
+        return np.stack([_read(record, places_hz) for record in self.records])
 
     def shared_z(self, z_of: Callable[[Mask], tuple[Array, Array]]) -> tuple[Array, Array]:
         """z of lines in all records together, less where it falls when a group is left out, and numbers of records.
@@ -80,7 +82,8 @@ class FineSpectra(NamedTuple):
 
 def _read(record: Whitened, places_hz: Array) -> Fine:
     """[places] Fine power of one record at the bins nearest to these frequencies."""
-    return record.fine[np.minimum(np.rint(2 * places_hz / record.df_hz).astype(int), record.fine.size - 1)]
+    power: Fine = record.fine[np.minimum(np.rint(2 * places_hz / record.df_hz).astype(int), record.fine.size - 1)]
+    return power
 
 
 def _groups(records: Sequence[Whitened]) -> list[Mask]:
