@@ -1,0 +1,42 @@
+"""How often machines without an effect have faint lines that all records share and that count as that effect's.
+
+``python -m tests.twingap.gap.features.tones.faint_lines_by_chance SEED WORLDS`` prints it for each kind of line.
+"""
+
+from __future__ import annotations
+
+import sys
+from types import SimpleNamespace
+
+from scipy.stats import binomtest
+
+from twingap.effects import catalogue
+from twingap.gap.features.pooled import faint
+from twingap.gap.features.tones.whitened_spectra import whiten
+from twingap.rigs.worlds import World, cases, make_world
+from twingap.signal.record_transforms import Frame, RecordTransforms
+
+EFFECTS = ("drive_interference", "mains_interference", "shaft_harmonics")
+
+
+def certain_effects(world: World) -> list[str]:
+    """Effects that the lines of a world's records show, against a twin that has no lines."""
+    frame = Frame(world.records.bearing, (0.0, world.layout.fs_hz / 2), 1.0)
+    white = [whiten(RecordTransforms(r.samples, r.condition, frame)) for r in world.records]
+    found = {f"pooled|{name}": value for name, value in faint.measure(white, 1.0).items()}
+    nothing = {"pooled|pair": 0.0, "pooled|pair.diff": 0.0, "context|speeds": 0.0}
+    return [name for name in EFFECTS if catalogue()[name].certain(SimpleNamespace(features=found | nothing))]
+
+
+def main(seed: int, count: int) -> None:
+    """Print for each effect how many worlds without it have its lines, of those diagnosed through the twin."""
+    found = [(case, certain_effects(make_world(case, seed))) for case in cases(2 * count, seed) if case.arm == "twin"]
+    for name in EFFECTS:
+        without = [certain for case, certain in found if name not in case.effect_names]
+        false = sum(name in certain for certain in without)
+        bound = binomtest(false, len(without), alternative="less").proportion_ci().high
+        print(f"{name}: {false} of {len(without)} worlds, at most {bound:.3f} with 95 % confidence")
+
+
+if __name__ == "__main__":
+    main(int(sys.argv[1]), int(sys.argv[2]))
