@@ -49,8 +49,10 @@ def strongest(spectra: FineSpectra) -> FaintHarmonics | None:
         return None
     between = np.append(_BETWEEN, -0.5)  # half orders, from the first on
     power = np.array([_power(record, between) for record in spectra.records])  # [records, between, orders]
-    power -= np.nanmean(power[:, 1:-1], axis=1, keepdims=True)
-    spread = np.maximum(np.nanstd(power[:, 1:-1], axis=(0, 1)), 1e-9)
+    usual = power[:, 1:-1]
+    power -= np.nansum(usual, axis=1, keepdims=True) / np.maximum(np.isfinite(usual).sum(axis=1, keepdims=True), 1)
+    number = np.maximum(np.isfinite(usual).sum(axis=(0, 1)), 1)
+    spread = np.maximum(np.sqrt(np.nansum(usual**2, axis=(0, 1)) / number), 1e-9)
 
     def of(kept: Mask) -> tuple[Array, Array]:
         count = np.isfinite(power[kept]).sum(axis=0)
