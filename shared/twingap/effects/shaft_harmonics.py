@@ -83,9 +83,8 @@ class ShaftHarmonics(Effect):
     @classmethod
     def _has(cls, seen: Observations, least: float) -> bool:
         """Whether there are such lines of at least this z."""
-        return seen.features.get("pooled|faint_shaft_half", 0.0) < _HALF_ORDERS and lacks_faint_lines(
-            seen, "shaft", least
-        )
+        loose = seen.features.get("pooled|faint_shaft_half", 0.0) >= _HALF_ORDERS
+        return not loose and lacks_faint_lines(seen, "shaft", least)
 
     def variant(self, machine: Machine, rng: np.random.Generator) -> Effect:
         factors = tuple(uneven_factors(rng).tolist())

@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 
 from twingap.gap import diagnose
+from twingap.gap.search.effect_search import SHOWN_P
 from twingap.rigs.worlds import Case, World, make_world
 from twingap.rigs.worlds.world import replay
 from twingap.twins.twin_file import TwinSpec
@@ -18,11 +19,14 @@ def faint(effect: str, name: str) -> World:
 
 
 @pytest.mark.parametrize(("effect", "name"), TONES)
-def test_a_faint_tone_is_named_and_explains_the_gap(effect: str, name: str) -> None:
+def test_a_faint_tone_is_named(effect: str, name: str) -> None:
     world = faint(effect, name)
     report = diagnose(world.records, TwinSpec("phenomenological", bearing=world.records.bearing), quick=True).report
     assert report.verdict.effects == (effect,)
     assert report.verdict.p_value <= 0.05
+    if effect == "drive_interference":  # its lines alone show the gap, and nothing points to a further effect
+        assert report.verdict.p_value == 2 * SHOWN_P
+        assert report.verdict.status == "explained"
 
 
 @pytest.mark.parametrize(("effect", "name"), TONES[:2])

@@ -43,5 +43,5 @@ def meaning_of(report: GapReport) -> str:
     elif verdict.closure is not None and replayed is not None and verdict.closure >= replayed >= LEAST_CEILING:
         left = "no more of the gap is left than real records in place of the twin leave"
     elif verdict.closure_ci is not None and verdict.closure_ci[1] < MOST:
-        left = "nothing is left that the tests find; the distance hardly sees such faint effects, whatever they close"
+        left = "the test for a rest finds none, and effects as faint as these hardly change the distance"
     return f"Nothing points to a further effect: once the named ones are added, {left}."

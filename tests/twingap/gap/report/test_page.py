@@ -447,3 +447,9 @@ def test_what_cannot_be_added_is_not_said_to_close_anything(make_report: MakeRep
     told = dataclasses.replace(report, candidates=tuple(parts)).sentence
     assert f"adding {second.replace('_', ' ')}" in told and "adding them" not in told
     assert "adding them" in report.sentence
+
+
+def test_a_gap_that_the_distance_hardly_shows_is_explained_for_another_reason(make_report: MakeReport) -> None:
+    report = make_report("explained")
+    faint = dataclasses.replace(report, verdict=dataclasses.replace(report.verdict, closure=0.1, closure_ci=(0.0, 0.3)))
+    assert "effects as faint as these hardly change the distance" in meaning_of(faint)
