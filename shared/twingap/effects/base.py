@@ -309,6 +309,12 @@ class Effect(ABC):
         return False
 
     @classmethod
+    def excluded(cls, seen: Observations) -> bool:
+        """Whether features show beyond doubt that the records do not have it, whatever its detector says. False by
+        default."""
+        return False
+
+    @classmethod
     def shows_gap(cls, seen: Observations) -> bool:
         """Whether features show by it that there is a gap, though no test for a gap does. False by default.
 

@@ -21,6 +21,7 @@ from twingap.effects.harmonic_series import HarmonicSeries
 from twingap.effects.machine import Machine
 from twingap.effects.observations import Observations
 from twingap.effects.registry import register
+from twingap.effects.subsynchronous import shared_line
 
 Array = NDArray[np.float64]
 
@@ -83,6 +84,12 @@ class Looseness(HarmonicSeries):
             "half_ratio": rng.uniform(0.25, 1.0), "n_orders": int(rng.integers(5, 18)),
             "in_phase": bool(rng.random() < 0.5),
         }  # fmt: skip
+
+    @classmethod
+    def excluded(cls, seen: Observations) -> bool:
+        """Where all records share a line near half the shaft's order that is not at it: a whirl, or a belt."""
+        line = shared_line(seen)
+        return line is not None and not line.is_at(0.5)
 
     def variant(self, machine: Machine, rng: np.random.Generator) -> Effect:
         factors = tuple(uneven_factors(rng).tolist())

@@ -291,7 +291,7 @@ def _significant(
     That is where the distance is below its floor, no place differs, and no two-sample test is significant.
     """
     p = min((test.p_value for test in tests), default=1.0)
-    if not found.gap or found.effects or closed.before > closed.floor or places or p <= ALPHA:
+    if not found.gap or found.effects or closed.before > closed.floor or places or p <= ALPHA or found.by_lines:
         return found, []
     return _without_gap(found, max(p, found.p_value)), [
         f"scores like these are rare on the simulated machines without a gap (p = {found.p_value:.2g}), but the "
@@ -397,6 +397,11 @@ def _notes(found: Explanation, evidence: Evidence, named_from: float) -> Iterato
     for name in found.names:
         if name in found.cannot:
             yield f"{name} is named from the records alone: {found.cannot[name]}, so it could not be added and checked"
+    if found.gap and found.line_order is not None:
+        yield (
+            f"all records share a line at {found.line_order:.2f} of the shaft's order, as of a belt, another shaft, a "
+            "whirl or a rub, which no effect of the catalogue models"
+        )
     yield from getattr(found.before.simulator, "notes", ())
     before, after = (getattr(one.simulator, "gain", 1.0) for one in (found.before, found.after))
     if abs(math.log(after / before)) > _OTHER_LEVEL:

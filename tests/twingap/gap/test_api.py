@@ -171,7 +171,7 @@ def test_own_simulated_records_of_the_same_machine_show_no_gap_worth_a_name(lear
 def test_another_level_with_the_named_effects_is_notes():
     def found(before, after):
         pair = [SimpleNamespace(simulator=SimpleNamespace(gain=gain, notes=())) for gain in (before, after)]
-        return SimpleNamespace(names=(), cannot={}, before=pair[0], after=pair[1])
+        return SimpleNamespace(gap=True, line_order=None, names=(), cannot={}, before=pair[0], after=pair[1])
 
     evidence = SimpleNamespace(calibrated=SimpleNamespace(speeds=SimpleNamespace(slip=0.0)))
     assert list(_notes(found(3.0, 3.02), evidence, 0.7)) == []

@@ -21,6 +21,8 @@ from typing import Final
 import numpy as np
 
 from twingap.effects import Effect, catalogue, trainable
+from twingap.effects.observations import Observations
+from twingap.effects.subsynchronous import lacking_line
 from twingap.gap.knowledge.learnt import Learnt
 from twingap.gap.knowledge.score_calibration import Outcome
 from twingap.gap.search import unlearnt
@@ -109,6 +111,8 @@ class Explanation:
     # Effects without a detector, at the values that were fitted to the twin, named or not.
     fitted: Mapping[str, Effect] = field(default_factory=dict)
     by_lines: bool = False  # whether lines alone show the gap, of which the distance sees little
+    # Shaft orders of a line that all records share, and the twin with the effects does not have.
+    line_order: float | None = None
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -192,7 +196,9 @@ def explain(evidence: Evidence, learnt: Learnt, progress: Progress) -> Explanati
     found.keep([name for name in found.values if name in names])
     if gap:
         found.add([name for name in names if name not in found.values])
-    rest_p = found.rest_p(p_value)
+    rest_p, line_order = found.rest_p(p_value), found.line_order()
+    if line_order is not None:
+        rest_p = min(rest_p, SHOWN_P)
     progress("values", 0.92)
     before, after = found.optimised(gap)
     sets = confidence_set(probability, learnt.set_level if calibration is None else LEVEL)
@@ -200,7 +206,7 @@ def explain(evidence: Evidence, learnt: Learnt, progress: Progress) -> Explanati
     return Explanation(
         p_value, gap, tuple(found.values[name] for name in named),
         probability | dict.fromkeys(found.already, 0.0), sets if gap else ((), *filter(None, sets)), rest_p,
-        before, after, found.cannot, fitted, by_lines,
+        before, after, found.cannot, fitted, by_lines, line_order,
     )  # fmt: skip
 
 
@@ -282,9 +288,14 @@ class _Search:
             self.refine(list(effects))
 
     def shows_gap(self) -> bool:
-        """Whether features show a gap by an effect that the given twin lacks."""
+        """Whether features show a gap by an effect, or by another line, that the given twin lacks."""
         seen = observations(self.evidence, self.evidence.against().held_out)
-        return any(catalogue()[name].shows_gap(seen) for name in self.first)
+        return any(catalogue()[name].shows_gap(seen) for name in self.first) or lacking_line(seen) is not None
+
+    def line_order(self) -> float | None:
+        """Shaft orders of a line that all records share and the current twin does not have, if any."""
+        line = lacking_line(observations(self.evidence, self.now.held_out))
+        return None if line is None else line.order
 
     def odds(self, compared: Compared, *, left_out: bool = False) -> dict[str, float]:
         """Log odds that the twin lacks each effect; effects of the given twin are left out.
@@ -298,7 +309,7 @@ class _Search:
             pairs = zip(self.learnt.effects, found, strict=True)
             seen = observations(self.evidence, compared.held_out)
             self._known[key] = {
-                name: max(float(value), CERTAIN) if catalogue()[name].certain(seen) else float(value)
+                name: _shown(catalogue()[name], float(value), seen)
                 for name, value in pairs if name not in self.already and self.learnt.covers(name)
             }  # fmt: skip
         return self._known[key]
@@ -533,6 +544,13 @@ def confidence_set(probability: Mapping[str, float], level: float) -> tuple[tupl
     order = np.argsort(-weight, kind="stable")
     kept = order[: 1 + int(np.searchsorted(np.cumsum(weight[order]), level * weight.sum()))]
     return tuple(tuple(names[i] for i in sorted((*sure, *open_[picks[row] == 1]), key=lambda i: -p[i])) for row in kept)
+
+
+def _shown(effect: type[Effect], odds: float, seen: Observations) -> float:
+    """Log odds of an effect, where features show it, or that it is absent, at least or at most `CERTAIN`."""
+    if effect.excluded(seen):
+        return min(odds, -CERTAIN)
+    return max(odds, CERTAIN) if effect.certain(seen) else odds
 
 
 def _strongest(odds: Mapping[str, float]) -> list[str]:

@@ -21,6 +21,7 @@ from twingap.gap.features.impacts.impulse_response import PLACES, ImpactSpectrum
 from twingap.gap.features.pooled import faint, lines, trends
 from twingap.gap.features.pooled.trends import Levels
 from twingap.gap.features.spectrum.record_summary import RecordSummary
+from twingap.gap.features.tones import subsynchronous
 from twingap.records import Array
 
 
@@ -44,6 +45,11 @@ class PooledRecords:
         return np.array([found[name] for name in faint.NAMES])
 
     @cached_property
+    def below(self) -> Array:
+        """[subsynchronous.NAMES] The line below the shaft's order that records share."""
+        return np.array(subsynchronous.measure([summary.whitened for summary in self.summaries]))
+
+    @cached_property
     def noise(self) -> Array:
         """[impulse_response.PLACES] ln of the mean spectrum of healthy records (of all without any) over scale^2."""
         healthy = [s for s in self.summaries if s.condition.fault == "healthy"] or self.summaries
@@ -63,6 +69,7 @@ def feature_names() -> Sequence[str]:
         *(f"comb|{name}" for name in impact_pair_comb.NAMES), *(f"trend|{name}" for name in trends.NAMES),
         *(f"pooled|{name}" for name in lines.NAMES), *(f"pooled|{name}.diff" for name in lines.NAMES),
         *(f"pooled|{name}" for name in faint.NAMES), *(f"pooled|{name}.diff" for name in faint.NAMES),
+        *(f"pooled|{name}" for name in subsynchronous.NAMES), *(f"pooled|{name}.diff" for name in subsynchronous.NAMES),
     )  # fmt: skip
 
 
@@ -84,7 +91,8 @@ def compare(real: PooledRecords, simulated: PooledRecords, over: Levels) -> Arra
         slopes = over.trends()
     first = [*(combs[name] for name in impact_pair_comb.NAMES), *(slopes[name] for name in trends.NAMES)]
     theirs = simulated.faint if _has_faint_lines(real.faint) else np.full(len(faint.NAMES), np.nan)
-    return np.concatenate((first, real.lines, real.lines - simulated.lines, real.faint, real.faint - theirs))
+    ours = real.lines, real.lines - simulated.lines, real.faint, real.faint - theirs
+    return np.concatenate((first, *ours, real.below, real.below - simulated.below))
 
 
 def _has_faint_lines(found: Array) -> bool:
