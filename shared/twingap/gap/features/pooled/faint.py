@@ -19,6 +19,9 @@ NAMES: Final = (
     "faint_sides_fs", "faint_sides_order", "faint_sides_own", "faint_sides_level", "faint_sides_own_level",
     "faint_mains_hz", "faint_mains_level", "faint_shaft_half", *(f"faint_shaft_level_{k}" for k in (1, 2, 3)),
 )  # fmt: skip
+_LOOSE: Final = 4.0
+"""z of half orders from which they are left out of the spectra that a hum is sought in. A larger value finds fainter
+hums, and takes half orders for one."""
 
 
 def measure(records: Sequence[Whitened], scale: float) -> dict[str, float]:
@@ -40,12 +43,13 @@ def measure(records: Sequence[Whitened], scale: float) -> dict[str, float]:
             "faint_sides_fs": math.log(sides.carrier_hz / fs_hz), "faint_sides_order": sides.order,
             "faint_sides_level": sides.level_log - unit, "faint_sides_own_level": sides.own_level_log - unit,
         }  # fmt: skip
-    if (mains := faint_mains.strongest(spectra)) is not None:
+    if (shaft := faint_harmonics.strongest(spectra)) is not None:
+        out |= {"faint_shaft": shaft.z, "faint_shaft_rival": shaft.rival_z, "faint_shaft_half": shaft.half_z}
+        out |= {f"faint_shaft_level_{k}": level - unit for k, level in enumerate(shaft.level_logs, start=1)}
+    loose = shaft is None or shaft.half_z >= _LOOSE
+    if (mains := faint_mains.strongest(spectra, half_orders=loose)) is not None:
         out |= {
             "faint_mains": mains.z, "faint_mains_rival": mains.rival_z, "faint_mains_hz": mains.mains_hz,
             "faint_mains_level": mains.level_log - unit,
         }  # fmt: skip
-    if (shaft := faint_harmonics.strongest(spectra)) is not None:
-        out |= {"faint_shaft": shaft.z, "faint_shaft_rival": shaft.rival_z, "faint_shaft_half": shaft.half_z}
-        out |= {f"faint_shaft_level_{k}": level - unit for k, level in enumerate(shaft.level_logs, start=1)}
     return out

@@ -1,6 +1,6 @@
 """Faint hum of the mains: lines at multiples of 50 or 60 Hz that all records share, by their fine spectra.
 
-fine power of each record without orders of the shaft and lines of its defect --sum over records--> z of every frequency
+fine power of each record without orders of the shaft (of a loose part, half ones too) and lines of its defect --sum over records--> z of every frequency
     --multiples of 50 and 60 Hz, and of other frequencies--> z of the mains, and of the best rival
 """
 
@@ -48,13 +48,16 @@ class FaintMains(NamedTuple):
     level_log: float  # ln of the amplitude of the first harmonic, unit of the records
 
 
-def strongest(spectra: FineSpectra) -> FaintMains | None:
-    """The hum of the mains in a set of records; None where records are short."""
+def strongest(spectra: FineSpectra, half_orders: bool = True) -> FaintMains | None:
+    """The hum of the mains in a set of records; None where records are short.
+
+    Half orders of the shaft, which a loose part has, are left out too with `half_orders`; they take much of the spectrum.
+    """
     if max(record.df_hz for record in spectra.records) > _WIDEST_HZ:
         return None
     step_hz = spectra.step_hz
     top = int(min(_TOP_HZ, 0.5 * min(record.fs_hz for record in spectra.records)) / step_hz)
-    weight = np.array([_without_turning(record, step_hz, top) for record in spectra.records])
+    weight = np.array([_without_turning(record, step_hz, top, 2 if half_orders else 1) for record in spectra.records])
     power = spectra.powers(0.0, top * step_hz) * np.float32(FINE_STEP) * weight
 
     def of(kept: Mask) -> tuple[Array, Array]:
@@ -76,10 +79,10 @@ def strongest(spectra: FineSpectra) -> FaintMains | None:
     )
 
 
-def _without_turning(record: Whitened, step_hz: float, top: int) -> Array:
-    """[top] 0 at multiples of half the shaft rate and at lines of the defect, else 1."""
-    kept = np.ones(top)
-    shaft = np.arange(1, 2 * top * step_hz / record.shaft_hz + 1) * record.shaft_hz / 2 / step_hz
+def _without_turning(record: Whitened, step_hz: float, top: int, per_order: int) -> Array:
+    """[top] 0 at multiples of this part of the shaft rate and at lines of the defect, else 1."""
+    kept, step = np.ones(top), record.shaft_hz / per_order / step_hz
+    shaft = np.arange(1, top / step + 1) * step
     _leave_out(kept, shaft, 2.5 + _TURNING * shaft)
     if math.isfinite(record.rate_hz):
         own = np.arange(1, top * step_hz / record.rate_hz + 1) * record.rate_hz / step_hz
