@@ -16,12 +16,13 @@ HUM = Case(
 )
 
 
-@pytest.mark.parametrize("arm", ["twin", "contact"])
-def test_without_its_effects_a_machine_is_nearer_to_its_twin(arm: str) -> None:
+@pytest.mark.parametrize(("arm", "most"), [("twin", 0.5), ("contact", 0.8)])
+def test_without_its_effects_a_machine_is_nearer_to_its_twin(arm: str, most: float) -> None:
+    """Less so where the twin is finished records, which do not follow its true speeds."""
     world = make_world(replace(HUM, arm=arm), 5)
     left = left_without_effects(world, 5)
     assert left is not None
-    assert left < 0.5 * _left(blinded(world), np.random.default_rng(1))
+    assert left < most * _left(blinded(world), np.random.default_rng(1))
     closure = true_closure(world, 5)
     assert closure is not None
     assert closure > 0.7
