@@ -6,6 +6,7 @@ import dataclasses
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from itertools import product
 from typing import ClassVar, Final
 
 import numpy as np
@@ -30,8 +31,12 @@ _ORDERS: Final = ("lines.comb_order|all", "background.foreign_order|all", "backg
 """Features that estimate the order of the impacts."""
 _SAME_ORDER: Final = 0.003
 """Relative difference of two estimates of the order below which a search begins at one of them alone."""
-_LEVELS: Final = (1.0, 1.25, 0.8, 0.63, 0.5)
-"""Factors on the level at which the path of this bearing is tried. More factors cost one simulation each."""
+_LEVELS: Final = (1.25, 0.8, 0.5)
+"""Factors on the level at which the path of this bearing is tried. More factors cost two simulations each and order."""
+_LEAST_ORDER: Final = 1.3
+"""Order below which no fundamental is tried for a comb of twice the order."""
+_SLIP: Final = 0.0025
+"""Spread of spacings that is tried beside even ones: that of a bearing whose rollers slip."""
 
 
 @register
@@ -65,6 +70,10 @@ class ForeignBearing(Effect):
     damping_ratio: float = parameter(
         0.05, unit="", plausible=(0.01, 0.2), allowed=(1e-4, 0.99), log=True, doc="damping ratio of its mode"
     )
+    sigma: float = parameter(
+        0.0, unit="impact spacings", plausible=(0.0, 0.015), allowed=(0, 0.5), searched=False,
+        doc="standard deviation of the spacing of its impacts, whose rollers slip: deviations accumulate",
+    )  # fmt: skip
     own_path: bool = parameter(
         False, unit="", plausible=(0, 1), allowed=(0, 1), searched=False,
         doc="whether its impacts take the path of this bearing's, where that is known, in place of a mode",
@@ -89,6 +98,8 @@ class ForeignBearing(Effect):
 
     def _impacts(self, turns: Array, rng: np.random.Generator) -> tuple[Array, Array]:
         """Shaft angles and strengths of impacts that would come evenly, at these angles, and alike."""
+        if self.sigma > 0:
+            turns = turns + np.cumsum(self.sigma / self.order * rng.standard_normal(turns.size))
         return turns, np.ones(turns.size)
 
     @property
@@ -109,15 +120,17 @@ class ForeignBearing(Effect):
 
     def initial_values(self, seen: Observations) -> Iterator[Effect]:
         read = [seen.features[f"{place}.level"] for place in _ORDERS]
-        kept: list[float] = []
+        kept = [self.order]
         for order in (*read, math.exp(seen.features["pooled|foreign_order"])):
             if order > 0 and all(abs(order / other - 1) > _SAME_ORDER for other in kept):
                 kept.append(order)
                 place = self.moved(order=order)
                 # A level that was estimated for another order would be too much.
                 yield from (place, *place.weaker())
-        for factor in _LEVELS:  # the level that was estimated is that of another mode
-            yield dataclasses.replace(self, own_path=True, level=factor * self.level)
+        halves = [order / 2 for order in kept if order > 2 * _LEAST_ORDER]  # a comb's even lines alone were found
+        for order, factor, sigma in product((*kept, *halves), _LEVELS, (0.0, _SLIP)):
+            # The level that was estimated is that of another mode.
+            yield dataclasses.replace(self, order=order, own_path=True, level=factor * self.level, sigma=sigma)
 
 
 @dataclass(frozen=True)

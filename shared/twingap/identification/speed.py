@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from twingap.bearing import Bearing
 from twingap.errors import TwingapError
-from twingap.identification.speed_reading import NOT_DETECTED, Reading, read_speed
+from twingap.identification.speed_reading import BARRED, NOT_DETECTED, Reading, comb_of, read_speed
 from twingap.records import Condition, RecordSet
 
 Array = NDArray[np.float64]
@@ -36,6 +36,10 @@ _COMMON_SD, _SLIP_SD, _SPIN_SD = 0.03, 0.02, 0.02  # prior standard deviations: 
 _SCATTERS = (1e-5, 3e-4, 1e-3, 4e-3, 0.015)  # candidate standard deviations of records' own speed errors
 _OUTLIER = math.log(0.02 / 0.16)  # log density of a wrong reading: 2 % of readings, anywhere within the search
 _MOST_SLIP = 0.065  # slip from which combs alone are asked, too: larger takes lines of other shafts for this one's
+_FAR = 0.01  # log ratio from which a comb is compared with healthy records: smaller takes longer
+_OFTEN = 0.2  # part of the healthy records that show another bearing's comb: larger misses faint ones
+_MANY = 4  # records of which a single reading is no evidence for speeds that are far off
+_LONE, _AGREE = 0.025, 0.01  # log ratio from which that holds, and within which two readings agree
 _MARGIN = 3.0  # log evidence required for slip over wrong speeds: larger attributes weak slip to wrong speeds
 
 
@@ -143,7 +147,45 @@ def estimate_speeds(records: RecordSet, bearing: Bearing | None = None) -> Speed
             "the bearing is not known", where=f"record set {records.name!r}", mend="add [bearing] to the twin file"
         )
     readings = [read_speed(record.samples, record.condition, own) for record in records]
-    return combine(readings, records.conditions, own)
+    for fault, barred in _other_bearings(readings, records, own).items():
+        for place, condition in enumerate(records.conditions):
+            if condition.fault == fault and abs(readings[place].comb - barred) < BARRED:
+                readings[place] = _away_from(barred, read_speed(records[place].samples, condition, own, barred))
+    return combine(_supported(readings), records.conditions, own)
+
+
+def _other_bearings(readings: Sequence[Reading], records: RecordSet, bearing: Bearing) -> dict[str, float]:
+    """Fault -> log ratio of combs that healthy records have too: those of another bearing.
+
+    Only combs far from the fault's nominal rate are compared: nearer ones hardly change a speed.
+    """
+    out = {}
+    for fault in sorted({str(c.fault) for c in records.conditions} - {"healthy", "cage", "None"}):
+        own = [r.comb for r, c in zip(readings, records.conditions, strict=True)
+               if c.fault == fault and math.isfinite(r.comb_sigma) and abs(r.comb) > _FAR]  # fmt: skip
+        if not own:
+            continue
+        healthy = [records[place] for place, c in enumerate(records.conditions) if c.fault == "healthy"]
+        found = np.array([comb_of(r.samples, r.condition, bearing, fault) for r in healthy])
+        near = [abs(found - comb) < 0.5 * BARRED for comb in own]
+        if found.size and (shared := max(near, key=np.sum)).sum() >= max(2, _OFTEN * found.size):
+            out[fault] = float(np.median(found[shared]))
+    return out
+
+
+def _away_from(barred: float, reading: Reading) -> Reading:
+    """The reading without a comb that the fit of its lines has led back to another bearing's."""
+    return reading if abs(reading.comb - barred) >= BARRED else replace(reading, comb=0.0, comb_sigma=math.inf)
+
+
+def _supported(readings: Sequence[Reading]) -> list[Reading]:
+    """The readings, or none where those of many records are few, contradict each other, and change speeds by much."""
+    ratios = np.array([r.shaft if math.isfinite(r.shaft_sigma) else r.comb
+                       for r in readings if math.isfinite(min(r.shaft_sigma, r.comb_sigma))])  # fmt: skip
+    if len(readings) < _MANY or not ratios.size or np.abs(ratios).max() <= _LONE:
+        return list(readings)
+    agreeing = int((np.abs(ratios[:, None] - ratios) < _AGREE).sum(axis=1).max())
+    return list(readings) if agreeing > 1 else [Reading() for _ in readings]
 
 
 @dataclass(frozen=True)

@@ -44,6 +44,8 @@ SMEARED: Final = 1e-3
 """Least relative error of a comb with smeared lines (varying speed or jitter of impacts); larger lowers its weight."""
 SHARP: Final = 0.75
 """Fraction of a harmonic's energy within one bin of its maximum from which the rate counts as steady."""
+BARRED: Final = 0.008
+"""Half the width, in log ratio, of what another bearing's comb bars; larger bars more of a record's own combs."""
 SHAFT_LINES: Final = "shaft lines"
 SIDEBANDS: Final = "sidebands"
 NOT_DETECTED: Final = "not detected"
@@ -73,7 +75,7 @@ class Reading:
     height: float = 0.0
 
 
-def read_speed(samples: Array, condition: Condition, bearing: Bearing) -> Reading:
+def read_speed(samples: Array, condition: Condition, bearing: Bearing, barred: float = math.nan) -> Reading:
     """Speed reading of one record.
 
     Parameters
@@ -82,6 +84,8 @@ def read_speed(samples: Array, condition: Condition, bearing: Bearing) -> Readin
     condition : Condition
         With the nominal speed; the comb is searched where the fault is known.
     bearing : Bearing
+    barred : float
+        Log ratio about which no comb of the fault is sought, as another bearing's lies there; NaN for none.
 
     Returns
     -------
@@ -95,7 +99,7 @@ def read_speed(samples: Array, condition: Condition, bearing: Bearing) -> Readin
     comb: _Comb | None = None
     if condition.fault not in (None, "healthy", "cage"):
         rate = bearing.fault_order(str(condition.fault)) * shaft_hz
-        comb = _find_comb(_envelopes(x, condition.fs_hz, rate, shaft_hz), rate, bearing.ftf * shaft_hz)
+        comb = _find_comb(_envelopes(x, condition.fs_hz, rate, shaft_hz), rate, bearing.ftf * shaft_hz, barred)
     fault_hz = comb.rate_hz if comb is not None else None
     known = condition.fault == "healthy" or comb is not None
     found = _tones(x, df, shaft_hz, fault_hz, triplets=known)
@@ -111,6 +115,16 @@ def read_speed(samples: Array, condition: Condition, bearing: Bearing) -> Readin
         shaft, sigma, how if math.isfinite(sigma) else NOT_DETECTED,
         comb.log_ratio if comb else 0.0, comb.sigma if comb else math.inf, comb.height if comb else 0.0,
     )  # fmt: skip
+
+
+def comb_of(samples: Array, condition: Condition, bearing: Bearing, fault: str) -> float:
+    """Log ratio to nominal of the comb at a fault's order in a record of any state; NaN where there is none."""
+    x, shaft_hz = np.asarray(samples, float), condition.speed_rpm / 60
+    if x.size < 64 or not np.ptp(x) > 0 or shaft_hz * condition.duration_s < FEWEST_TURNS:
+        return math.nan
+    rate = bearing.fault_order(fault) * shaft_hz
+    comb = _find_comb(_envelopes(x, condition.fs_hz, rate, shaft_hz), rate, bearing.ftf * shaft_hz)
+    return math.nan if comb is None else comb.log_ratio
 
 
 def comb_heights(samples: Array, condition: Condition, bearing: Bearing) -> dict[str, float]:
@@ -177,8 +191,8 @@ def _floor(power: Array, width: int = 49) -> Array:
     return np.asarray(np.exp(np.interp(np.arange(power.size), places, np.log(levels))) / math.log(2))
 
 
-def _find_comb(envelopes: Sequence[_Band], rate_hz: float, cage_hz: float) -> _Comb | None:
-    """The highest comb of harmonics in any band; None where none is significant."""
+def _find_comb(envelopes: Sequence[_Band], rate_hz: float, cage_hz: float, barred: float = math.nan) -> _Comb | None:
+    """The highest comb of harmonics in any band, but for those about a log ratio; None where none is significant."""
     reach = REACH + SLIP_REACH
     best: tuple[float, float, int] | None = None
     for number, (_, z, df, top, _) in enumerate(envelopes):
@@ -191,6 +205,7 @@ def _find_comb(envelopes: Sequence[_Band], rate_hz: float, cage_hz: float) -> _C
         heights = np.log1p(_near(z, at) / 3)
         # A prior that favours nominal speed decides between a comb and its sidebands at cage rate.
         score = heights.sum(axis=0) - (grid - 1) ** 2 / (2 * 0.025**2)
+        score[np.abs(np.log(grid) - barred) < BARRED] = -math.inf
         place = int(np.argmax(score))
         threshold = COMB * (0.4 + 0.15 * count)  # fewer harmonics, each of which has to be higher
         if score[place] > threshold and (heights[:, place] > math.log1p(8 / 3)).sum() >= min(2, count):

@@ -1,6 +1,7 @@
 """Faint hum of the mains: lines at multiples of 50 or 60 Hz that all records share, by their fine spectra.
 
-fine power of each record without orders of the shaft (of a loose part, half ones too) and lines of its defect --sum over records--> z of every frequency
+fine power of each record without orders of the shaft (of a loose part, half ones too) and lines of its defect
+    --sum over records--> z of every frequency
     --multiples of 50 and 60 Hz, and of other frequencies--> z of the mains, and of the best rival
 """
 
@@ -51,7 +52,7 @@ class FaintMains(NamedTuple):
 def strongest(spectra: FineSpectra, half_orders: bool = True) -> FaintMains | None:
     """The hum of the mains in a set of records; None where records are short.
 
-    Half orders of the shaft, which a loose part has, are left out too with `half_orders`; they take much of the spectrum.
+    Half orders of the shaft, which a loose part has, are left out too with `half_orders`: much of the spectrum.
     """
     if max(record.df_hz for record in spectra.records) > _WIDEST_HZ:
         return None
