@@ -137,6 +137,19 @@ def test_foreign_bearing_draws_envelope_lines_at_its_own_order(lab: Any) -> None
     assert np.abs(lab.added(effect)).max() == pytest.approx(5.0, rel=0.15), "the level is an impact's response"
 
 
+def test_slip_of_a_foreign_bearing_smears_its_high_harmonics(lab: Any) -> None:
+    """Deviations accumulate, as those of slipping rollers do: the higher a line, the more height it loses."""
+    heights = []
+    for sigma in (0.0, 0.01):
+        effect = ForeignBearing(level=10.0, order=4.37, resonance_hz=2600.0, sigma=sigma)
+        _, x = lab.pair(effect, "healthy", count=4)
+        heights.append([lab.prominence(lab.envelope(x), n * 4.37 * lab.fr) for n in (1, 3, 6)])
+    lost = np.array(heights[0]) / heights[1]
+    assert lost[0] < 4
+    assert lost[1] > 1.5 * lost[0]
+    assert lost[2] > 1.5 * lost[1]
+
+
 @pytest.mark.parametrize(
     ("slope", "low_hz", "high_hz"), [(0.0, 20, 2e4), (1.0, 20, 2e4), (2.0, 50, 2e4), (0.0, 800, 1500)]
 )

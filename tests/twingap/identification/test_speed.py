@@ -246,3 +246,31 @@ def test_an_unknown_bearing_is_refused() -> None:
     records, _ = world(n=1)
     with pytest.raises(TwingapError, match="bearing is not known"):
         estimate_speeds(RecordSet.from_records("r", "", None, list(records)))
+
+
+NEIGHBOUR = {"level": 8.0, "order": 2.53, "resonance_hz": 2600.0}
+"""A bearing whose second line lies 6.6 % below that of an inner race of a 6205."""
+
+
+@pytest.mark.parametrize("amplitude", [1.5, 3.0])
+def test_impacts_of_another_bearing_move_no_speeds(amplitude: float) -> None:
+    records, ratios = world(
+        effects=["foreign_bearing"], faults=["healthy", "inner"], n=12, amplitude=amplitude, foreign_bearing=NEIGHBOUR
+    )
+    assert [e.ratio for e in estimate_speeds(records).estimates] == pytest.approx(ratios, abs=2e-3)
+
+
+def test_a_tachometer_that_is_off_is_found_beside_another_bearing() -> None:
+    records, ratios = world(
+        effects=["foreign_bearing"], faults=["healthy", "outer"], n=12, factor=0.97, foreign_bearing=NEIGHBOUR
+    )
+    assert [e.ratio for e in estimate_speeds(records).estimates] == pytest.approx(ratios, rel=1e-3)
+
+
+def test_one_record_of_many_does_not_move_the_speeds_of_all_by_much() -> None:
+    silent, _ = world(faults=["inner"], n=8, amplitude=0.0)
+    heard, _ = world(faults=["inner"], n=8, factor=1.05)
+    records = RecordSet.from_records("one", "m/s^2", silent.bearing, [*list(silent)[:-1], list(heard)[-1]])
+    assert [e.ratio for e in estimate_speeds(records).estimates] == [1.0] * 8
+    alone = RecordSet.from_records("alone", "m/s^2", silent.bearing, [list(heard)[-1]])
+    assert estimate_speeds(alone).estimates[0].ratio == pytest.approx(1.05, abs=2e-3)

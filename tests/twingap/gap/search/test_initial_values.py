@@ -207,8 +207,18 @@ def test_an_order_of_impacts_from_elsewhere_is_tried_at_every_level_and_once() -
         features[feature_names().index(f"{name}.level")] = order
     given = make_effect("foreign_bearing", {"level": 8.0, "order": 7.55})
     found = [vars(place) for place in places(given, features, own)]
-    assert [place["level"] for place in found if place["order"] == 5.53] == pytest.approx([8.0, 4.0, 2.0, 0.96, 0.48])
+    in_a_mode = [place["level"] for place in found if place["order"] == 5.53 and not place["own_path"]]
+    assert in_a_mode == pytest.approx([8.0, 4.0, 2.0, 0.96, 0.48])
     assert not [place for place in found if place["order"] == 5.535]
+
+
+def test_orders_of_impacts_from_elsewhere_are_tried_with_this_bearings_path_and_as_even_lines_of_a_comb() -> None:
+    own = evidence_of(machine())
+    features = np.full(len(feature_names()), np.nan)
+    features[feature_names().index("lines.comb_order|all.level")] = 2.4
+    found = [vars(place) for place in places(make_effect("foreign_bearing", {"order": 7.55}), features, own)]
+    tried = {(place["order"], place["sigma"] > 0) for place in found if place["own_path"]}
+    assert tried == {(order, slips) for order in (7.55, 2.4, 7.55 / 2) for slips in (False, True)}
 
 
 def test_growth_is_read_as_a_rate_over_the_run() -> None:
