@@ -310,8 +310,7 @@ class Effect(ABC):
 
     @classmethod
     def excluded(cls, seen: Observations) -> bool:
-        """Whether features show beyond doubt that the records do not have it, whatever its detector says. False by
-        default."""
+        """Whether features rule it out, whatever its detector and `certain` say. False by default."""
         return False
 
     @classmethod

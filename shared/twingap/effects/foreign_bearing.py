@@ -32,11 +32,12 @@ _ORDERS: Final = ("lines.comb_order|all", "background.foreign_order|all", "backg
 _SAME_ORDER: Final = 0.003
 """Relative difference of two estimates of the order below which a search begins at one of them alone."""
 _LEVELS: Final = (1.25, 0.8, 0.5)
-"""Factors on the level at which the path of this bearing is tried. More factors cost two simulations each and order."""
+"""Factors on the level at which the path of this bearing is tried. More factors cost two simulations each for every
+order."""
 _LEAST_ORDER: Final = 1.3
-"""Order below which no fundamental is tried for a comb of twice the order."""
+"""Order below which no fundamental is tried for a comb of twice the order. A smaller value costs more simulations."""
 _SLIP: Final = 0.0025
-"""Spread of spacings that is tried beside even ones: that of a bearing whose rollers slip."""
+"""Spread of spacings that is tried beside even ones, as of rollers that slip. A larger value suits looser cages."""
 
 
 @register
@@ -72,7 +73,7 @@ class ForeignBearing(Effect):
     )
     sigma: float = parameter(
         0.0, unit="impact spacings", plausible=(0.0, 0.015), allowed=(0, 0.5), searched=False,
-        doc="standard deviation of the spacing of its impacts, whose rollers slip: deviations accumulate",
+        doc="standard deviation of the spacing of its impacts as its rollers slip; deviations accumulate",
     )  # fmt: skip
     own_path: bool = parameter(
         False, unit="", plausible=(0, 1), allowed=(0, 1), searched=False,
@@ -85,8 +86,10 @@ class ForeignBearing(Effect):
             modes = draft.modes
         elif self.own_path:
             response = draft.impact_response()
-        before = math.ceil(max(mode.ring_down_s for mode in modes) * draft.shaft_hz * self.order) + 1
-        count = np.arange(-before, math.ceil(draft.turns[-1] * self.order) + 1)
+        passes = draft.turns[-1] * self.order
+        late = math.ceil(4 * self.sigma * math.sqrt(passes))  # slip may move as many impacts out of the record
+        before = math.ceil(max(mode.ring_down_s for mode in modes) * draft.shaft_hz * self.order) + 1 + late
+        count = np.arange(-before, math.ceil(passes) + 1 + late)
         turns = (count + rng.random()) / self.order
         turns, strengths = self._impacts(turns, rng)
         times, fs_hz, n = draft.when(turns), draft.condition.fs_hz, draft.x.size
@@ -127,8 +130,12 @@ class ForeignBearing(Effect):
                 place = self.moved(order=order)
                 # A level that was estimated for another order would be too much.
                 yield from (place, *place.weaker())
-        halves = [order / 2 for order in kept if order > 2 * _LEAST_ORDER]  # a comb's even lines alone were found
-        for order, factor, sigma in product((*kept, *halves), _LEVELS, (0.0, _SLIP)):
+        for half in [
+            order / 2 for order in kept if order > 2 * _LEAST_ORDER
+        ]:  # of a comb, even lines may be found alone
+            if all(abs(half / other - 1) > _SAME_ORDER for other in kept):
+                kept.append(half)
+        for order, factor, sigma in product(kept, _LEVELS, (0.0, _SLIP)):
             # The level that was estimated is that of another mode.
             yield dataclasses.replace(self, order=order, own_path=True, level=factor * self.level, sigma=sigma)
 
@@ -149,5 +156,6 @@ class SlippingForeignBearing(ForeignBearing):
     depth: float = 0.0
 
     def _impacts(self, turns: Array, rng: np.random.Generator) -> tuple[Array, Array]:
+        turns, _ = super()._impacts(turns, rng)
         strengths = 1 + self.depth * cosine(turns + rng.random())
         return turns + self.jitter / self.order * rng.standard_normal(turns.size), strengths

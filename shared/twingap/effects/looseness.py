@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +24,10 @@ from twingap.effects.registry import register
 from twingap.effects.subsynchronous import shared_line
 
 Array = NDArray[np.float64]
+
+_NEAR_HALF: Final = 0.1
+"""Distance from half the shaft's order within which a line can be taken for a loose part's. With a larger value, a belt
+rules out a loose part beside it."""
 
 
 @register
@@ -89,7 +93,7 @@ class Looseness(HarmonicSeries):
     def excluded(cls, seen: Observations) -> bool:
         """Where all records share a line near half the shaft's order that is not at it: a whirl, or a belt."""
         line = shared_line(seen)
-        return line is not None and not line.is_at(0.5)
+        return line is not None and abs(line.order - 0.5) < _NEAR_HALF and not line.is_at(0.5)
 
     def variant(self, machine: Machine, rng: np.random.Generator) -> Effect:
         factors = tuple(uneven_factors(rng).tolist())

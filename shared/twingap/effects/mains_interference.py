@@ -45,7 +45,8 @@ _GEOMETRIC: Final = 0.4
 """Largest deviation of the logarithm of an amplitude from a geometric decay. A larger value reads off less regular
 hums, whose harmonics the effect does not describe."""
 _FAINT: Final = 4.5
-"""z of faint lines from which they are a hum: fewer than one in 100 machines without have some."""
+"""z of faint lines from which they are a hum: fewer than one in 100 machines without have some. A smaller value finds
+fainter hums, and takes more lines for one."""
 _BEYOND_DOUBT: Final = 6.5
 """The same where nothing else shows a gap. A smaller value finds fainter lines, and gives more false alarms."""
 

@@ -45,7 +45,7 @@ from twingap.gap.report.model import (
     Verdict,
 )
 from twingap.gap.report.status import AT_FLOOR, LEAST_CEILING, MOST
-from twingap.gap.search.effect_search import ALPHA, ALPHA_REST, SURE, Explanation, explain
+from twingap.gap.search.effect_search import ALPHA, ALPHA_REST, SURE, Explanation, explain, with_line_order
 from twingap.gap.search.evidence import THOROUGH, Evidence, simulator_of
 from twingap.gap.search.exchange_test import exchange_p_value
 from twingap.gap.search.group_names import groups_of
@@ -69,6 +69,10 @@ _UNITS: Final = {
     **{f"impact_amplitude.{fault}": "of scale" for fault in ("inner", "outer", "ball", "cage")},
 }  # fmt: skip
 """Units of the twin's baseline parameters in the report."""
+_HALF: Final = 0.015
+"""Distance from half the shaft's order within which a line may be a loose part's. A larger value takes more lines for
+one."""
+_OTHER_SHAFT: Final = "a belt, another shaft, a whirl or a rub, which no effect of the catalogue models"
 _OTHER_LEVEL: Final = 0.02
 """Log ratio of levels above which a note reports the change of level with the effects. A smaller value adds notes."""
 _NAMING: Final = ("explained", "partly_explained")
@@ -175,7 +179,7 @@ def _diagnosed(
     found, exchange_notes = _confirmed(found, evidence)
     notes += exchange_notes
     progress("path, lines and background", 0.62)
-    found = with_measured(evidence, found)
+    found = with_line_order(evidence, with_measured(evidence, found), found)
     if not quick:
         found = with_shorter_intervals(evidence, found)
     progress("places and tests", 0.65)
@@ -272,7 +276,7 @@ def _confirmed(found: Explanation, evidence: Evidence) -> tuple[Explanation, lis
     The test is skipped where an effect is certainly missing.
     """
     own = found.before.simulator.makes_waveforms
-    if not own or not found.gap or max(found.probability.values(), default=0.0) >= SURE:
+    if not own or not found.gap or _shown_by_lines(found) or max(found.probability.values(), default=0.0) >= SURE:
         return found, []
     p = exchange_p_value(evidence)
     if p is None or p <= ALPHA:
@@ -291,12 +295,17 @@ def _significant(
     That is where the distance is below its floor, no place differs, and no two-sample test is significant.
     """
     p = min((test.p_value for test in tests), default=1.0)
-    if not found.gap or found.effects or closed.before > closed.floor or places or p <= ALPHA or found.by_lines:
+    if not found.gap or found.effects or closed.before > closed.floor or places or p <= ALPHA or _shown_by_lines(found):
         return found, []
     return _without_gap(found, max(p, found.p_value)), [
         f"scores like these are rare on the simulated machines without a gap (p = {found.p_value:.2g}), but the "
         "distance is below its floor, no place differs, and no two-sample test is significant"
     ]
+
+
+def _shown_by_lines(found: Explanation) -> bool:
+    """Whether lines show the gap, which tests on distances hardly see."""
+    return found.by_lines or found.line_order is not None
 
 
 def _without_gap(found: Explanation, p_value: float) -> Explanation:
@@ -329,6 +338,8 @@ def _status(found: Explanation, closed: Closure, ceiling: float | None) -> Statu
     if closed.closure >= AT_FLOOR or (ceiling is not None and closed.closure >= ceiling >= LEAST_CEILING):
         return "explained"
     unseen = found.by_lines or closed.before <= closed.floor
+    if found.line_order is not None:
+        return "partly_explained"
     return "explained" if found.rest_p > ALPHA_REST and (unseen or closed.ci[1] >= MOST) else "partly_explained"
 
 
@@ -398,9 +409,11 @@ def _notes(found: Explanation, evidence: Evidence, named_from: float) -> Iterato
         if name in found.cannot:
             yield f"{name} is named from the records alone: {found.cannot[name]}, so it could not be added and checked"
     if found.gap and found.line_order is not None:
+        loose = abs(found.line_order - 0.5) < _HALF
+        why = "a loose part, whose probability is too low for a name" if loose else _OTHER_SHAFT
         yield (
-            f"all records share a line at {found.line_order:.2f} of the shaft's order, as of a belt, another shaft, a "
-            "whirl or a rub, which no effect of the catalogue models"
+            f"most records of every state share a line at {found.line_order:.2f} of the shaft's order that the twin "
+            f"with the named effects does not have, as of {why}"
         )
     yield from getattr(found.before.simulator, "notes", ())
     before, after = (getattr(one.simulator, "gain", 1.0) for one in (found.before, found.after))

@@ -23,7 +23,14 @@ from numpy.typing import NDArray
 
 from twingap.bearing import Bearing
 from twingap.errors import TwingapError
-from twingap.identification.speed_reading import BARRED, NOT_DETECTED, Reading, comb_of, read_speed
+from twingap.identification.speed_reading import (
+    BARRED,
+    NOT_DETECTED,
+    SHAFT_LINES,
+    Reading,
+    comb_of,
+    read_speed,
+)
 from twingap.records import Condition, RecordSet
 
 Array = NDArray[np.float64]
@@ -38,8 +45,8 @@ _OUTLIER = math.log(0.02 / 0.16)  # log density of a wrong reading: 2 % of readi
 _MOST_SLIP = 0.065  # slip from which combs alone are asked, too: larger takes lines of other shafts for this one's
 _FAR = 0.01  # log ratio from which a comb is compared with healthy records: smaller takes longer
 _OFTEN = 0.2  # part of the healthy records that show another bearing's comb: larger misses faint ones
-_MANY = 4  # records of which a single reading is no evidence for speeds that are far off
-_LONE, _AGREE = 0.025, 0.01  # log ratio from which that holds, and within which two readings agree
+_MANY, _FEW = 4, 0.2  # at least so many records, of which at most this part shows a speed: more combs are doubted
+_LONE, _AGREE = 0.025, 0.01  # log ratio from which a comb needs another record, and how near: nearer, fewer combs count
 _MARGIN = 3.0  # log evidence required for slip over wrong speeds: larger attributes weak slip to wrong speeds
 
 
@@ -149,7 +156,8 @@ def estimate_speeds(records: RecordSet, bearing: Bearing | None = None) -> Speed
     readings = [read_speed(record.samples, record.condition, own) for record in records]
     for fault, barred in _other_bearings(readings, records, own).items():
         for place, condition in enumerate(records.conditions):
-            if condition.fault == fault and abs(readings[place].comb - barred) < BARRED:
+            comb = readings[place].comb if math.isfinite(readings[place].comb_sigma) else math.inf
+            if condition.fault == fault and abs(comb - barred) < BARRED:
                 readings[place] = _away_from(barred, read_speed(records[place].samples, condition, own, barred))
     return combine(_supported(readings), records.conditions, own)
 
@@ -159,33 +167,47 @@ def _other_bearings(readings: Sequence[Reading], records: RecordSet, bearing: Be
 
     Only combs far from the fault's nominal rate are compared: nearer ones hardly change a speed.
     """
-    out = {}
-    for fault in sorted({str(c.fault) for c in records.conditions} - {"healthy", "cage", "None"}):
-        own = [r.comb for r, c in zip(readings, records.conditions, strict=True)
-               if c.fault == fault and math.isfinite(r.comb_sigma) and abs(r.comb) > _FAR]  # fmt: skip
-        if not own:
-            continue
-        healthy = [records[place] for place, c in enumerate(records.conditions) if c.fault == "healthy"]
-        found = np.array([comb_of(r.samples, r.condition, bearing, fault) for r in healthy])
-        near = [abs(found - comb) < 0.5 * BARRED for comb in own]
-        if found.size and (shared := max(near, key=np.sum)).sum() >= max(2, _OFTEN * found.size):
-            out[fault] = float(np.median(found[shared]))
-    return out
+    healthy = [place for place, c in enumerate(records.conditions) if c.fault == "healthy"]
+    own: dict[str, list[float]] = {}
+    for reading, condition in zip(readings, records.conditions, strict=True):
+        if math.isfinite(reading.comb_sigma) and abs(reading.comb) > _FAR:
+            own.setdefault(str(condition.fault), []).append(reading.comb)
+    if not healthy or not own:
+        return {}
+    found = np.array([
+        [comb_of(record.samples, record.condition, bearing, fault) for fault in own]
+        for record in (records[place] for place in healthy)
+    ])  # fmt: skip
+    out: dict[str, float] = {}
+    for (fault, combs), theirs in zip(own.items(), found.T, strict=True):
+        shared = max((np.abs(theirs - comb) < 0.5 * BARRED for comb in combs), key=np.sum)
+        if shared.sum() >= max(2, _OFTEN * len(healthy)) and abs(np.median(theirs[shared])) > _FAR + BARRED:
+            out[fault] = float(np.median(theirs[shared]))
+    # Faint lines of this bearing's own races lie where its speed puts them: together, or where shaft lines put it.
+    shaft = [r.shaft for r in readings if r.found_by == SHAFT_LINES]
+    known = float(np.median(shaft)) if shaft else math.nan
+    together = len(out) > 1 and max(out.values()) - min(out.values()) < BARRED
+    return {} if together else {f: barred for f, barred in out.items() if not abs(barred - known) < BARRED}
 
 
 def _away_from(barred: float, reading: Reading) -> Reading:
     """The reading without a comb that the fit of its lines has led back to another bearing's."""
-    return reading if abs(reading.comb - barred) >= BARRED else replace(reading, comb=0.0, comb_sigma=math.inf)
+    back = math.isfinite(reading.comb_sigma) and abs(reading.comb - barred) < BARRED
+    return replace(reading, comb=0.0, comb_sigma=math.inf, height=0.0) if back else reading
 
 
 def _supported(readings: Sequence[Reading]) -> list[Reading]:
-    """The readings, or none where those of many records are few, contradict each other, and change speeds by much."""
-    ratios = np.array([r.shaft if math.isfinite(r.shaft_sigma) else r.comb
-                       for r in readings if math.isfinite(min(r.shaft_sigma, r.comb_sigma))])  # fmt: skip
-    if len(readings) < _MANY or not ratios.size or np.abs(ratios).max() <= _LONE:
+    """The readings, without far combs that no other record confirms where few of many records show a speed at all."""
+    seen = [r for r in readings if math.isfinite(min(r.shaft_sigma, r.comb_sigma))]
+    if len(readings) < _MANY or len(seen) > _FEW * len(readings):
         return list(readings)
-    agreeing = int((np.abs(ratios[:, None] - ratios) < _AGREE).sum(axis=1).max())
-    return list(readings) if agreeing > 1 else [Reading() for _ in readings]
+
+    def alone(reading: Reading) -> bool:
+        others = [r.shaft if math.isfinite(r.shaft_sigma) else r.comb for r in seen if r is not reading]
+        far = math.isfinite(reading.comb_sigma) and abs(reading.comb) > _LONE and not math.isfinite(reading.shaft_sigma)
+        return far and all(abs(other - reading.comb) > _AGREE for other in others)
+
+    return [replace(r, comb=0.0, comb_sigma=math.inf, height=0.0) if alone(r) else r for r in readings]
 
 
 @dataclass(frozen=True)

@@ -70,9 +70,9 @@ def true_closure(world: Any, seed: int) -> float | None:
 def left_without_effects(world: Any, seed: int) -> float | None:
     """Gap between the machine without its effects and its own calibrated twin: no effect of the catalogue closes it.
 
-    The machine turns at its true speeds, which finished simulated records at the stated ones do not follow. Over all
-    domains on the held-out part, in standard deviations. None where the twin cannot be calibrated, or has
-    effects without values, which only a diagnosis could estimate.
+    The machine turns at its true speeds. A twin of finished records at the stated speeds does not follow them, and that
+    remains in this gap. Over all domains on the held-out part, in standard deviations. None where the twin cannot be
+    calibrated, or has effects without values, which only a diagnosis could estimate.
     """
     bare = blinded(replace(world, records=replay(world, effects=(), seed=seed)))
     if bare.sim is None and without_values(bare.twin):

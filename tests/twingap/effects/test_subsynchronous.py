@@ -7,6 +7,7 @@ from types import SimpleNamespace
 
 import pytest
 
+from twingap.bearing import BEARINGS
 from twingap.effects import Looseness
 from twingap.effects.subsynchronous import lacking_line, shared_line
 
@@ -40,6 +41,18 @@ def test_a_loose_part_has_its_line_at_half_the_shafts_order() -> None:
     assert Looseness.excluded(seen((0.46, 0.002, 1.0, 6.0)))
     assert not Looseness.excluded(seen((0.49, 0.002, 1.0, 6.0)))
     assert not Looseness.excluded(seen((0.48, 0.006, 1.0, 6.0)))
+    assert not Looseness.excluded(seen((0.3, 0.002, 1.0, 6.0)))  # a belt, beside which a part may be loose
+
+
+def test_a_cage_without_healthy_records_is_no_missing_line() -> None:
+    bearing = BEARINGS["6205"]
+    for share, is_line in ((0.3, True), (0.0, False)):
+        cage = seen((bearing.ftf * 0.99, 0.002, 1.0, 6.0))
+        cage.features["context|healthy_share"], cage.bearing = share, bearing
+        assert (lacking_line(cage) is not None) is is_line
+    other = seen((0.6, 0.002, 1.0, 6.0))
+    other.features["context|healthy_share"], other.bearing = 0.0, bearing
+    assert lacking_line(other) is not None
 
 
 def test_what_is_not_known_is_not_missing() -> None:

@@ -111,7 +111,7 @@ class Explanation:
     # Effects without a detector, at the values that were fitted to the twin, named or not.
     fitted: Mapping[str, Effect] = field(default_factory=dict)
     by_lines: bool = False  # whether lines alone show the gap, of which the distance sees little
-    # Shaft orders of a line that all records share, and the twin with the effects does not have.
+    # Shaft orders of a line that most records of every state share, and the twin with the effects does not have.
     line_order: float | None = None
 
     @property
@@ -196,9 +196,7 @@ def explain(evidence: Evidence, learnt: Learnt, progress: Progress) -> Explanati
     found.keep([name for name in found.values if name in names])
     if gap:
         found.add([name for name in names if name not in found.values])
-    rest_p, line_order = found.rest_p(p_value), found.line_order()
-    if line_order is not None:
-        rest_p = min(rest_p, SHOWN_P)
+    rest_p, line_order = found.rest_p(p_value), line_order_of(evidence, found.now)
     progress("values", 0.92)
     before, after = found.optimised(gap)
     sets = confidence_set(probability, learnt.set_level if calibration is None else LEVEL)
@@ -250,6 +248,19 @@ def level_of_gap(evidence: Evidence, surest: float = 0.0) -> float:
     return ALPHA if exchange_test_follows or surest >= SURE else CAUTIOUS_ALPHA
 
 
+def line_order_of(evidence: Evidence, compared: Compared) -> float | None:
+    """Shaft orders of a line that most records of every state share and a twin does not have, if any."""
+    line = lacking_line(observations(evidence, compared.held_out))
+    return None if line is None else line.order
+
+
+def with_line_order(evidence: Evidence, found: Explanation, former: Explanation) -> Explanation:
+    """The explanation with the line that its twin still lacks, where effects were added to a former one's."""
+    if former.line_order is None or found.after is former.after:
+        return found
+    return replace(found, line_order=line_order_of(evidence, found.after))
+
+
 def with_fitted_values(evidence: Evidence, learnt: Learnt, names: Sequence[str]) -> tuple[Effect, ...]:
     """Modelled effects at the values, near their estimates, that bring the twin closest to the fit part.
 
@@ -291,11 +302,6 @@ class _Search:
         """Whether features show a gap by an effect, or by another line, that the given twin lacks."""
         seen = observations(self.evidence, self.evidence.against().held_out)
         return any(catalogue()[name].shows_gap(seen) for name in self.first) or lacking_line(seen) is not None
-
-    def line_order(self) -> float | None:
-        """Shaft orders of a line that all records share and the current twin does not have, if any."""
-        line = lacking_line(observations(self.evidence, self.now.held_out))
-        return None if line is None else line.order
 
     def odds(self, compared: Compared, *, left_out: bool = False) -> dict[str, float]:
         """Log odds that the twin lacks each effect; effects of the given twin are left out.

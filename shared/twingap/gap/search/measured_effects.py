@@ -62,7 +62,7 @@ def with_measured(evidence: Evidence, found: Explanation) -> Explanation:
     if left < _LEFT * bare:
         return found
     # Where no rest points to a further effect, one may still be in the place of those that are taken for it.
-    more = not found.effects or found.rest_p <= ALPHA_REST
+    more = not found.effects or found.rest_p <= ALPHA_REST or found.line_order is not None
     real = evidence.held_out.vectors
 
     def made(compared: Compared) -> list[FeatureVectors]:

@@ -46,7 +46,7 @@ def measure(records: Sequence[Whitened], scale: float) -> dict[str, float]:
     if (shaft := faint_harmonics.strongest(spectra)) is not None:
         out |= {"faint_shaft": shaft.z, "faint_shaft_rival": shaft.rival_z, "faint_shaft_half": shaft.half_z}
         out |= {f"faint_shaft_level_{k}": level - unit for k, level in enumerate(shaft.level_logs, start=1)}
-    loose = shaft is None or shaft.half_z >= _LOOSE
+    loose = shaft is None or not shaft.half_z < _LOOSE
     if (mains := faint_mains.strongest(spectra, half_orders=loose)) is not None:
         out |= {
             "faint_mains": mains.z, "faint_mains_rival": mains.rival_z, "faint_mains_hz": mains.mains_hz,

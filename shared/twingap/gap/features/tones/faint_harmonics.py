@@ -33,12 +33,16 @@ _TURNS: Final = 10.0
 _LEAST: Final = 0.3
 """Least part of the records that have to show an order."""
 
+_FEWEST_HALF: Final = 3
+"""Smallest number of known half orders from which it is known whether they stand out. A larger value knows it less
+often."""
+
 
 class FaintHarmonics(NamedTuple):
     """Lines at whole orders of the shaft."""
 
     z: float
-    half_z: float  # of the first three half orders, likewise
+    half_z: float  # of the first half orders, likewise; NaN where lines of the mains hide them
     rival_z: float  # of the best orders between whole and half ones
     level_logs: tuple[float, float, float]  # ln of the amplitudes of the first three orders, unit of the records
 
@@ -59,15 +63,17 @@ def strongest(spectra: FineSpectra) -> FaintHarmonics | None:
         return np.nansum(power[kept], axis=0) / spread / np.sqrt(np.maximum(count, 1)), count
 
     z, count = spectra.shared_z(of)
-    z = np.where(count > _LEAST * len(spectra.records), np.clip(z, -2.0, _MOST), 0.0)
+    known = count > _LEAST * len(spectra.records)
+    z = np.where(known, np.clip(z, -2.0, _MOST), 0.0)
     scores = np.max([z[:, np.array(some) - 1].sum(axis=1) / math.sqrt(len(some)) for some in _TOGETHER], axis=0)
     levels = [
         spectra.level_log([_highest(record, order * record.shaft_hz) for record in spectra.records])
         for order in (1, 2, 3)
     ]
     return FaintHarmonics(
-        float(scores[0]), float(scores[-1]), float(scores[1:-1].max()), (levels[0], levels[1], levels[2])
-    )
+        float(scores[0]), float(scores[-1]) if known[-1].sum() >= _FEWEST_HALF else math.nan,
+        float(scores[1:-1].max()), (levels[0], levels[1], levels[2]),
+    )  # fmt: skip
 
 
 def _power(record: Whitened, between: Array) -> Array:

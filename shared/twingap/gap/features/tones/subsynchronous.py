@@ -18,9 +18,12 @@ from twingap.gap.features.tones.whitened_spectra import Whitened
 from twingap.records import Array
 
 _LOW, _HIGH = 0.2, 0.85
-"""Orders between which lines are sought."""
+"""Orders between which lines are sought. With a wider range, lines of the shaft itself and slow drifts count."""
 _FIRST: Final = 3
-"""First bin that holds a record's lines."""
+"""First bin in which a line is sought, so that short records begin at a higher order. In lower ones lie drifts."""
+_MAINS_HZ: Final = (50.0, 60.0)
+_BESIDE_MAINS: Final = 1.5
+"""Distance from multiples of the mains, bins, within which no line is sought. A larger value leaves out more lines."""
 _WITHIN: Final = 0.03
 """Distance within which orders agree. A larger value takes lines by chance."""
 _FEWEST: Final = 8
@@ -37,17 +40,17 @@ class Subsynchronous(NamedTuple):
 
     order: float
     error: float  # standard error of the order
-    share: float  # part of the records whose highest line it is, of the state that has it least
-    level_log: float  # ln of its power over that of noise, median of the records that have it
+    share: float  # part of the records of a state whose highest line it is; of the state that has it least
+    level_log: float  # ln of its power over its floor, median of the records that have it
 
 
 def strongest(records: Sequence[Whitened]) -> Subsynchronous | None:
     """The line below the shaft's order that most records share; None where too few records can show one."""
-    found = np.array([_highest(record) for record in records if record.shaft_hz >= _TURNS * record.df_hz])
-    if len(found) < max(_FEWEST, 0.5 * len(records)):
+    long = [record for record in records if record.shaft_hz >= _TURNS * record.df_hz]
+    kinds = np.array([record.kind for record in long])
+    if len(long) < max(_FEWEST, 0.5 * len(records)) or set(kinds) != {record.kind for record in records}:
         return None
-    orders, levels = found.T
-    kinds = np.array([record.kind for record in records if record.shaft_hz >= _TURNS * record.df_hz])
+    orders, levels = np.array([_highest(record) for record in long]).T
     agree = np.abs(orders[:, None] - orders) < _WITHIN
     near = agree[int(np.argmax(agree.sum(axis=1)))]
     if near.sum() < 2:
@@ -65,12 +68,14 @@ def measure(records: Sequence[Whitened]) -> Sequence[float]:
 
 
 def _highest(record: Whitened) -> tuple[float, float]:
-    """Order and ln of the power over noise of the highest line below the shaft's order; NaN without any."""
+    """Order of the highest line below the shaft's order, and ln of its power over its floor; NaN without any."""
     unit = record.shaft_hz / record.df_hz
     low, high = max(math.ceil(_LOW * unit), _FIRST), int(_HIGH * unit)
     power: Array = record.logs[: high + 2].astype(float)
     inner = np.arange(low, high + 1)
-    peaks = inner[(power[inner] > power[inner - 1]) & (power[inner] >= power[inner + 1])]
+    mains = np.min([np.abs(inner - np.rint(inner * record.df_hz / hz) * hz / record.df_hz) for hz in _MAINS_HZ], axis=0)
+    kept = (mains > _BESIDE_MAINS) | (inner * record.df_hz < _MAINS_HZ[0] / 2)
+    peaks = inner[kept & (power[inner] > power[inner - 1]) & (power[inner] >= power[inner + 1])]
     if not peaks.size:
         return math.nan, math.nan
     at = int(peaks[np.argmax(power[peaks])])
