@@ -13,7 +13,7 @@ from twingap.bearing import BEARINGS
 from twingap.effects import make_effect, trainable
 from twingap.errors import TwingapError
 from twingap.gap import api, diagnose
-from twingap.gap.api import _calibration_after, _few_turns, _notes, _slip_not_named, _status
+from twingap.gap.api import _calibration_after, _few_turns, _notes, _significant, _slip_not_named, _status
 from twingap.gap.distance.closure import Closure
 from twingap.gap.report.files import from_json, read_report, to_json
 from twingap.gap.report.formats import number
@@ -75,6 +75,13 @@ def test_explained_is_said_where_nothing_points_to_a_further_effect(clipped):
     assert _status(left, closed, 0.69) == "explained"
     assert _status(left, closed, 0.72) == "partly_explained"
     assert _status(left, closed, 0.2) == "partly_explained", "records that differ as much are no measure"
+    whirl = replace(quiet, line_order=0.46)
+    assert _status(whirl, closed, None) == "partly_explained", "a line that no effect has is a rest"
+    assert _status(whirl, replace(closed, closure=0.91), None) == "explained", "and little of the gap is little"
+    nothing = replace(whirl, effects=(), probability={}, p_value=0.04)
+    unseen = replace(closed, before=0.5 * closed.floor)
+    assert _significant(nothing, unseen, [], [])[0].gap, "no distance has to show a line"
+    assert not _significant(replace(nothing, line_order=None), unseen, [], [])[0].gap
 
 
 def test_statistics_of_tests_are_those_of_the_measures(clipped):

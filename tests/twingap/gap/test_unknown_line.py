@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import pytest
 
 from twingap.gap import diagnose
+from twingap.gap.search.effect_search import CERTAIN, _shown
 from twingap.rigs.worlds import Case, make_world
 from twingap.twins.twin_file import TwinSpec
 
@@ -32,3 +35,11 @@ def test_a_loose_part_is_named_and_has_no_unknown_line() -> None:
     assert verdict.effects == ("looseness",)
     assert verdict.status == "explained"
     assert notes == []
+
+
+@pytest.mark.parametrize(
+    ("certain", "excluded", "odds"), [(1, 0, CERTAIN), (0, 1, -CERTAIN), (1, 1, -CERTAIN), (0, 0, 0.5)]
+)
+def test_what_features_rule_out_is_improbable_whatever_speaks_for_it(certain: int, excluded: int, odds: float) -> None:
+    effect = SimpleNamespace(certain=lambda seen: bool(certain), excluded=lambda seen: bool(excluded))
+    assert _shown(effect, 0.5, SimpleNamespace(features={})) == odds

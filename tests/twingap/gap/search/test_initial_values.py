@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 from typing import Any
 
 import numpy as np
@@ -216,9 +217,14 @@ def test_orders_of_impacts_from_elsewhere_are_tried_with_this_bearings_path_and_
     own = evidence_of(machine())
     features = np.full(len(feature_names()), np.nan)
     features[feature_names().index("lines.comb_order|all.level")] = 2.4
-    found = [vars(place) for place in places(make_effect("foreign_bearing", {"order": 7.55}), features, own)]
-    tried = {(place["order"], place["sigma"] > 0) for place in found if place["own_path"]}
-    assert tried == {(order, slips) for order in (7.55, 2.4, 7.55 / 2) for slips in (False, True)}
+    given = make_effect("foreign_bearing", {"level": 8.0, "order": 7.55})
+    found = [vars(place) for place in places(given, features, own)]
+    tried = sorted((place["order"], place["sigma"], place["level"]) for place in found if place["own_path"])
+    slips = sorted({sigma for _, sigma, _ in tried})
+    assert slips[0] == 0
+    assert 0.001 < slips[1] < 0.01
+    orders, levels = (2.4, 7.55 / 2, 7.55), (4.0, 6.4, 10.0)
+    assert np.array(tried) == pytest.approx(np.array(list(itertools.product(orders, slips, levels))))
 
 
 def test_growth_is_read_as_a_rate_over_the_run() -> None:
