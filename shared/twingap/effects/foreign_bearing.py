@@ -34,8 +34,6 @@ _SAME_ORDER: Final = 0.003
 _LEVELS: Final = (1.25, 0.8, 0.5)
 """Factors on the level at which the path of this bearing is tried. More factors cost two simulations each for every
 order."""
-_LEAST_ORDER: Final = 1.3
-"""Order below which no fundamental is tried for a comb of twice the order. A smaller value costs more simulations."""
 _SLIP: Final = 0.0025
 """Spread of spacings that is tried beside even ones, as of rollers that slip. A larger value suits looser cages."""
 
@@ -122,7 +120,7 @@ class ForeignBearing(Effect):
         return SlippingForeignBearing(**self.parameter_values(), jitter=0.02 * rng.random(), depth=rng.uniform(0, 0.8))
 
     def initial_values(self, seen: Observations) -> Iterator[Effect]:
-        read = [seen.features[f"{place}.level"] for place in _ORDERS]
+        read = [part[f"{place}.level"] for part in (seen.features, seen.held_out) for place in _ORDERS]
         kept = [self.order]
         for order in (*read, math.exp(seen.features["pooled|foreign_order"])):
             if order > 0 and all(abs(order / other - 1) > _SAME_ORDER for other in kept):
@@ -130,11 +128,6 @@ class ForeignBearing(Effect):
                 place = self.moved(order=order)
                 # A level that was estimated for another order would be too much.
                 yield from (place, *place.weaker())
-        for half in [
-            order / 2 for order in kept if order > 2 * _LEAST_ORDER
-        ]:  # of a comb, even lines may be found alone
-            if all(abs(half / other - 1) > _SAME_ORDER for other in kept):
-                kept.append(half)
         for order, factor, sigma in product(kept, _LEVELS, (0.0, _SLIP)):
             # The level that was estimated is that of another mode.
             yield dataclasses.replace(self, order=order, own_path=True, level=factor * self.level, sigma=sigma)

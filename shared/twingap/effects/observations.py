@@ -82,6 +82,8 @@ class Observations:
     ----------
     features : Mapping[str, float]
         All features of the comparison by name; NaN where one could not be computed.
+    held_out : Mapping[str, float]
+        The same of the held-out records against the twin as given: for places of lines, which no fit moves.
     bearing : Bearing
     faults : frozenset of str
         Faults of the records, healthy ones left out.
@@ -102,6 +104,7 @@ class Observations:
     """
 
     features: Mapping[str, float]
+    held_out: Mapping[str, float]
     bearing: Bearing
     faults: frozenset[str]
     fs_hz: float

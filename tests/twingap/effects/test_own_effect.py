@@ -74,7 +74,7 @@ def belt_tones(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> type[Effect]:
 
 
 def observations(bearing: object) -> Observations:
-    return Observations({}, bearing, frozenset(), 12_000.0, 0.0, 1.0, 1500.0, None, lambda: None, list, list)  # type: ignore[arg-type]
+    return Observations({}, {}, bearing, frozenset(), 12_000.0, 0.0, 1.0, 1500.0, None, lambda: None, list, list)  # type: ignore[arg-type]
 
 
 def test_it_is_drawn_from_what_is_plausible(belt_tones: type[Effect]) -> None:

@@ -130,12 +130,16 @@ def observations(evidence: Evidence, features: Array) -> Observations:
     faults = frozenset(str(c.fault) for c in evidence.fit.conditions) - {"healthy"}
     rate_hz = min(c.fs_hz for c in evidence.fit.conditions)
     return Observations(
-        features=dict(zip(feature_names(), (float(value) for value in features), strict=True)),
+        features=_by_name(features), held_out=_by_name(evidence.against().held_out),
         bearing=evidence.frame.bearing, faults=faults, fs_hz=setting.fs_hz, begin_s=setting.begin_s,
         span_s=setting.span_s, speed_rpm=setting.speed_rpm, own_mode=own_mode,
         healthy=lambda: _healthy_spectrum(evidence), mode_pairs=lambda: two_modes(evidence.fit.summaries, rate_hz),
         spectrum_ratio=lambda: _spectrum_ratio(evidence),
     )  # fmt: skip
+
+
+def _by_name(features: Array) -> dict[str, float]:
+    return dict(zip(feature_names(), (float(value) for value in features), strict=True))
 
 
 def _spectrum_ratio(evidence: Evidence) -> SpectrumRatio:
