@@ -69,10 +69,6 @@ _UNITS: Final = {
     **{f"impact_amplitude.{fault}": "of scale" for fault in ("inner", "outer", "ball", "cage")},
 }  # fmt: skip
 """Units of the twin's baseline parameters in the report."""
-_HALF: Final = 0.015
-"""Distance from half the shaft's order within which a line may be a loose part's. A larger value takes more lines for
-one."""
-_OTHER_SHAFT: Final = "a belt, another shaft, a whirl or a rub, which no effect of the catalogue models"
 _OTHER_LEVEL: Final = 0.02
 """Log ratio of levels above which a note reports the change of level with the effects. A smaller value adds notes."""
 _NAMING: Final = ("explained", "partly_explained")
@@ -409,11 +405,9 @@ def _notes(found: Explanation, evidence: Evidence, named_from: float) -> Iterato
         if name in found.cannot:
             yield f"{name} is named from the records alone: {found.cannot[name]}, so it could not be added and checked"
     if found.gap and found.line_order is not None:
-        loose = abs(found.line_order - 0.5) < _HALF
-        why = "a loose part, whose probability is too low for a name" if loose else _OTHER_SHAFT
         yield (
-            f"most records of every state share a line at {found.line_order:.2f} of the shaft's order that the twin "
-            f"with the named effects does not have, as of {why}"
+            f"most records of every state share a line at {found.line_order:.2f} of the shaft's order that the twin, "
+            "with the named effects, lacks: a belt, another shaft, a whirl, a rub or a loose part has such lines"
         )
     yield from getattr(found.before.simulator, "notes", ())
     before, after = (getattr(one.simulator, "gain", 1.0) for one in (found.before, found.after))

@@ -5,9 +5,9 @@ features --detectors--> proposed effects --estimators--> values --add, recalibra
    +-------- propose more effects; leave one out and test whether it is missing; test the rest ------+
 
 Detectors use features of the held-out part, and pooled features of both parts where calibration hardly affects them
-(`pooled_features`). Values are estimated on the fit part (trends over speed and time on both parts) and optimised on
-its distance. That distance also rejects effects that increase it, and adds effects that decrease it although their
-detectors score low. Reported closures are measured separately, on the held-out part.
+(`pooled_features`). Values are estimated on the fit part (trends over speed and time, and places of lines, on both
+parts) and optimised on its distance. That distance also rejects effects that increase it, and adds effects that
+decrease it although their detectors score low. Reported closures are measured separately, on the held-out part.
 """
 
 from __future__ import annotations

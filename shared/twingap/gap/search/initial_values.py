@@ -139,6 +139,7 @@ def observations(evidence: Evidence, features: Array) -> Observations:
 
 
 def _by_name(features: Array) -> dict[str, float]:
+    """Name of a feature -> value."""
     return dict(zip(feature_names(), (float(value) for value in features), strict=True))
 
 
