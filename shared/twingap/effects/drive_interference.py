@@ -26,6 +26,8 @@ drive have one. A smaller value takes chance pairs of gears and of other bearing
 _SHOWN: Final = math.log1p(5.0)
 """Compressed z of such a pair from which the drive's values are read off it. A smaller value reads fainter pairs, some
 of them by chance."""
+_SHARED: Final = 0.9
+"""Least part of the records that such a pair is symmetric in. A smaller value takes lines of another bearing for it."""
 _SPEEDS: Final = math.log(1.03)
 """Least logarithm of the highest over the lowest speed for such a pair. A smaller value takes lines of gears for it."""
 _FAINT: Final = 6.5
@@ -34,6 +36,11 @@ _BEYOND_DOUBT: Final = 7.0
 """The same where nothing else shows a gap. A smaller value finds fainter lines, and gives more false alarms."""
 _FAINTEST: Final = 5.5
 """z of faint side lines from which the drive's values are read off them."""
+_OTHER_BEARING: Final = 3.0
+"""Score of another bearing's envelope lines from which side lines at its spacing are its own. A smaller value takes
+drives for it."""
+_SAME_ORDER: Final = 0.01
+"""Relative error of its order, and of the distance of side lines. A larger value has more drives taken for it."""
 _OF_SIDES: Final = ("", "_rival", "_own", "_fs", "_order", "_level", "_own_level")
 _OWN_LINE: Final = 3.0
 """z of a line at the carrier from which its amplitude is known."""
@@ -95,12 +102,19 @@ class DriveInterference(Effect):
         pair = seen.features["pooled|pair"]
         clear = pair > math.log1p(CERTAIN_PAIR) > pair - seen.features["pooled|pair.diff"]
         # At one speed, lines of a gear or of another bearing are such a pair, too.
-        clear = clear and seen.features["context|speeds"] > _SPEEDS
-        return clear or lacks_faint_lines(seen, SIDES, _FAINT)
+        clear = clear and seen.features["context|speeds"] > _SPEEDS and seen.features["pooled|pair_part"] >= _SHARED
+        clear = clear and not _of_another_bearing(seen, seen.features["pooled|pair_side_order"])
+        return clear or cls._lacks_faint_sides(seen, _FAINT)
 
     @classmethod
     def shows_gap(cls, seen: Observations) -> bool:
-        return lacks_faint_lines(seen, SIDES, _BEYOND_DOUBT)
+        return cls._lacks_faint_sides(seen, _BEYOND_DOUBT)
+
+    @classmethod
+    def _lacks_faint_sides(cls, seen: Observations, least: float) -> bool:
+        """Whether the records have faint side lines of at least this z, none of another bearing, and the twin none."""
+        other = _of_another_bearing(seen, seen.features.get("pooled|faint_sides_order", math.nan))
+        return lacks_faint_lines(seen, SIDES, least) and not other
 
     @classmethod
     def shown(cls, seen: Observations) -> Mapping[str, float]:
@@ -130,6 +144,20 @@ class DriveInterference(Effect):
     def variant(self, machine: Machine, rng: np.random.Generator) -> Effect:
         second = 0.0 if rng.random() < 0.5 or self.depth > 1.2 else rng.uniform(0.2, 0.7)
         return PhaseModulatedDrive(**self.parameter_values(), second=second)
+
+
+def _of_another_bearing(seen: Observations, side_order: float) -> bool:
+    """Whether lines this far from their centre are as far from each other as lines of another bearing's impacts.
+
+    Of the centres between these many lines, some are by chance at the same frequency at two or three speeds.
+    """
+    if not (seen.features["pooled|foreign"] > _OTHER_BEARING and math.isfinite(side_order)):
+        return False
+    order = math.exp(seen.features["pooled|foreign_order"])
+    spacings = 2 * side_order / order
+    # A drive's own side lines give the envelope a line at a whole order.
+    turning = abs(order / max(round(order), 1) - 1) < _SAME_ORDER
+    return not turning and abs(spacings - round(spacings)) < _SAME_ORDER * spacings
 
 
 @dataclass(frozen=True)
