@@ -6,9 +6,11 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tests.twingap.gap.search.test_optimise import evidence_of as evidence_on
 from tests.twingap.gap.search.test_optimise import machine
 from tests.twingap.identification.test_level import evidence_of, simulated
-from twingap.effects import make_effect
+from twingap.effects import Effect, make_effect
+from twingap.gap.knowledge import shipped
 from twingap.gap.search import effect_search
 from twingap.gap.search.effect_search import ALPHA, CAUTIOUS_ALPHA, confidence_set, level_of_gap, to_name
 from twingap.gap.search.evidence import Evidence, simulator_of
@@ -49,6 +51,28 @@ def test_a_simulator_of_the_users_own_has_to_differ_more_where_its_records_canno
 def test_what_a_search_let_go_is_named_when_it_is_as_likely_as_what_it_kept():
     probability = {"clipping": 0.76, "dropout": 0.65, "looseness": 0.75, "mean_slip": 0.74, "waviness": 0.1}
     assert to_name(probability, 0.75) == ["clipping", "looseness"]
+
+
+def dropped(truth: Effect, *others: Effect, p: float = 0.8) -> dict[str, float]:
+    """What is dropped on a machine with one effect, of which the search names others too, all with a probability."""
+    evidence = evidence_on(machine(truth))
+    search = effect_search._Search(evidence, shipped())
+    search.values = {effect.name: effect_search.Estimated(effect, {}) for effect in (truth, *others)}
+    search.now = evidence.against(search.added())
+    out = search.drop_without_gain(dict.fromkeys(search.values, p), 0.525)
+    assert set(search.values) == {truth.name, *(effect.name for effect in others)} - set(out)
+    assert search.now.effects == search.added()
+    return out
+
+
+def test_an_effect_is_dropped_without_which_the_twin_is_as_close_unless_it_is_very_probable_or_lines_show_it() -> None:
+    clipping, knocks = make_effect("clipping", {"rail": 3.0}), make_effect("impulsive_noise", {"level": 20.0})
+    found = dropped(clipping, knocks)
+    assert set(found) == {"impulsive_noise"} and 0.1 < found["impulsive_noise"] < 0.3
+    assert dropped(clipping, knocks, p=0.96) == {}
+    # Distances do not see these side lines, but they stand out in all records together.
+    faint = {"level": 0.05, "depth": 1.5, "carrier_hz": 3100.0, "sideband_order": 2.0}
+    assert dropped(make_effect("drive_interference", faint)) == {}
 
 
 @given(PROBABILITIES, st.floats(0.5, 0.99))
