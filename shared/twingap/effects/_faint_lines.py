@@ -16,8 +16,19 @@ _OF_TWIN: Final = 0.5
 for missing ones."""
 
 
-def lacks_faint_lines(seen: Observations, kind: str, least: float) -> bool:
-    """Whether records have lines of a kind (see `gap.features.pooled.faint`) of at least this z, and the twin none."""
+_CLEAR: Final = math.log1p(6.0)
+"""Compressed z from which lines are clear without a search for faint ones. A smaller value takes lines by chance for
+clear ones of the twin."""
+
+
+def lacks_faint_lines(seen: Observations, kind: str, least: float, clear: str = "") -> bool:
+    """Whether records have lines of a kind (see `gap.features.pooled.faint`) of at least this z, and the twin none.
+
+    `clear` names the feature that shows such lines where they are not faint. Lines that are clear in the twin are not
+    missing, though none of them may be left where orders of the shaft and multiples of the mains are near each other.
+    """
+    if clear and seen.features[clear] - seen.features[f"{clear}.diff"] > _CLEAR:
+        return False
     name = f"pooled|faint_{kind}"
     z, rival = seen.features.get(name, math.nan), seen.features.get(f"{name}_rival", math.nan)
     if not (z >= least and z >= rival + _LEAD):

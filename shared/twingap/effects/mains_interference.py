@@ -101,11 +101,17 @@ class MainsInterference(HarmonicSeries):
     @classmethod
     def certain(cls, seen: Observations) -> bool:
         """Where all records share faint lines of a hum, and the twin's do not."""
-        return lacks_faint_lines(seen, "mains", _FAINT)
+        return cls._lacks_faint_lines(seen, _FAINT)
 
     @classmethod
     def shows_gap(cls, seen: Observations) -> bool:
-        return lacks_faint_lines(seen, "mains", _BEYOND_DOUBT)
+        return cls._lacks_faint_lines(seen, _BEYOND_DOUBT)
+
+    @classmethod
+    def _lacks_faint_lines(cls, seen: Observations, least: float) -> bool:
+        """Whether the records have faint lines of at least this z, and the twin neither faint nor clear ones."""
+        mains_hz = 60 if seen.features.get("pooled|faint_mains_hz") == 60.0 else 50
+        return lacks_faint_lines(seen, "mains", least, clear=f"pooled|mains_{mains_hz}_max")
 
     @classmethod
     def read_off(cls, records: Iterable[Record], simulated: Iterable[Record]) -> Mapping[str, float]:

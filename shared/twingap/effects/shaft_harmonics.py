@@ -84,7 +84,7 @@ class ShaftHarmonics(Effect):
     def _has(cls, seen: Observations, least: float) -> bool:
         """Whether there are such lines of at least this z."""
         loose = seen.features.get("pooled|faint_shaft_half", 0.0) >= _HALF_ORDERS
-        return not loose and lacks_faint_lines(seen, "shaft", least)
+        return not loose and lacks_faint_lines(seen, "shaft", least, clear="pooled|order_few")
 
     def variant(self, machine: Machine, rng: np.random.Generator) -> Effect:
         factors = tuple(uneven_factors(rng).tolist())

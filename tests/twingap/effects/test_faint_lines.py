@@ -7,6 +7,7 @@ from types import SimpleNamespace
 
 import pytest
 
+from twingap.effects import Effect, MainsInterference, ShaftHarmonics
 from twingap.effects._faint_lines import lacks_faint_lines
 
 
@@ -33,3 +34,17 @@ def test_what_is_not_known_is_not_missing_and_a_twin_without_lines_needs_no_valu
     assert not lacks_faint_lines(SimpleNamespace(features={}), "mains", 5.0)
     assert not lacks_faint_lines(seen("shaft", math.nan, 2.0, 1.0, 1.0), "shaft", 5.0)
     assert lacks_faint_lines(seen("shaft", 9.0, 2.0, math.nan, math.nan), "shaft", 5.0)
+
+
+@pytest.mark.parametrize("effect", [ShaftHarmonics, MainsInterference])
+def test_lines_that_are_clear_in_the_twin_are_not_missing(effect: type[Effect]) -> None:
+    """Faint ones may be unknown for it: at its speeds, lines of the mains may hide those of the shaft."""
+    kind, clear = ("shaft", "order_few") if effect is ShaftHarmonics else ("mains", "mains_50_max")
+
+    def of_twin(z: float) -> SimpleNamespace:
+        found = seen(kind, 9.0, 2.0, 0.0, 0.0)
+        found.features.update({f"pooled|{clear}": 2.9, f"pooled|{clear}.diff": 2.9 - math.log1p(z)})
+        return found
+
+    assert effect.certain(of_twin(0.5)) and effect.shows_gap(of_twin(0.5))
+    assert not effect.certain(of_twin(15.0)) and not effect.shows_gap(of_twin(15.0))

@@ -28,7 +28,9 @@ def shown(world: World) -> list[str]:
     frame = Frame(world.records.bearing, (0.0, world.layout.fs_hz / 2), 1.0)
     white = [whiten(RecordTransforms(r.samples, r.condition, frame)) for r in world.records]
     found = {f"pooled|{name}": value for name, value in faint.measure(white, 1.0).items()}
-    nothing = {"pooled|pair": 0.0, "pooled|pair.diff": 0.0, "context|speeds": 0.0, "pooled|foreign": 0.0}
+    unseen = ("pair", "order_few", "mains_50_max", "mains_60_max")
+    nothing = {f"pooled|{name}{of}": 0.0 for name in unseen for of in ("", ".diff")}
+    nothing |= {"context|speeds": 0.0, "pooled|foreign": 0.0}
     found |= {f"pooled|{n}": v for n, v in zip(subsynchronous.NAMES, subsynchronous.measure(white), strict=True)}
     seen = SimpleNamespace(features=found | nothing)
     line = shared_line(seen)
