@@ -25,7 +25,8 @@ def lacks_faint_lines(seen: Observations, kind: str, least: float, clear: str = 
     """Whether records have lines of a kind (see `gap.features.pooled.faint`) of at least this z, and the twin none.
 
     `clear` names the feature that shows such lines where they are not faint. Lines that are clear in the twin are not
-    missing, though none of them may be left where orders of the shaft and multiples of the mains are near each other.
+    missing. The search for faint ones may not find them: it leaves out orders of the shaft that are near multiples of
+    the mains, at the speeds of the twin's records.
     """
     if clear and seen.features[clear] - seen.features[f"{clear}.diff"] > _CLEAR:
         return False

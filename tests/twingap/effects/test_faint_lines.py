@@ -38,7 +38,7 @@ def test_what_is_not_known_is_not_missing_and_a_twin_without_lines_needs_no_valu
 
 @pytest.mark.parametrize("effect", [ShaftHarmonics, MainsInterference])
 def test_lines_that_are_clear_in_the_twin_are_not_missing(effect: type[Effect]) -> None:
-    """Faint ones may be unknown for it: at its speeds, lines of the mains may hide those of the shaft."""
+    """The search for faint ones may not find them: at its speeds, they may be near multiples of the mains."""
     kind, clear = ("shaft", "order_few") if effect is ShaftHarmonics else ("mains", "mains_50_max")
 
     def of_twin(z: float) -> SimpleNamespace:

@@ -19,6 +19,7 @@ from types import MappingProxyType
 from typing import Final
 
 import numpy as np
+from scipy.special import expit, logit
 
 from twingap.effects import Effect, catalogue, trainable
 from twingap.effects.observations import Observations
@@ -472,8 +473,7 @@ class _Search:
         seen = observations(self.evidence, self.evidence.against().held_out)
         dropped: dict[str, float] = {}
         for name in sorted(self.values, key=lambda name: probability[name]):
-            log_odds = math.log(probability[name] / max(1 - probability[name], 1e-9))
-            revised = _probability(log_odds + WITHOUT_GAIN)
+            revised = float(expit(logit(probability[name]) + WITHOUT_GAIN))
             if revised >= named_from or name in self.held or name in self.cannot or catalogue()[name].certain(seen):
                 continue
             others = self.added(without=name)

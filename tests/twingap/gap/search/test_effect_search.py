@@ -66,10 +66,10 @@ def dropped(truth: Effect, *others: Effect, p: float = 0.8) -> dict[str, float]:
 
 
 def test_an_effect_is_dropped_without_which_the_twin_is_as_close_unless_it_is_very_probable_or_lines_show_it() -> None:
-    clipping, knocks = make_effect("clipping", {"rail": 3.0}), make_effect("impulsive_noise", {"level": 20.0})
-    found = dropped(clipping, knocks)
+    clipping, bursts = make_effect("clipping", {"rail": 3.0}), make_effect("impulsive_noise", {"level": 20.0})
+    found = dropped(clipping, bursts)
     assert set(found) == {"impulsive_noise"} and 0.1 < found["impulsive_noise"] < 0.3
-    assert dropped(clipping, knocks, p=0.96) == {}
+    assert dropped(clipping, bursts, p=0.96) == {}
     # Distances do not see these side lines, but they stand out in all records together.
     faint = {"level": 0.05, "depth": 1.5, "carrier_hz": 3100.0, "sideband_order": 2.0}
     assert dropped(make_effect("drive_interference", faint)) == {}
