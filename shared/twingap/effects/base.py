@@ -40,7 +40,7 @@ if TYPE_CHECKING:
     from twingap.effects.draft import Draft
     from twingap.effects.machine import Machine
     from twingap.effects.observations import Observations
-    from twingap.records import Condition, Record
+    from twingap.records import Condition, Record, RecordSet
 
 RelativeTo = Literal["", "rate", "run", "speed"]
 
@@ -304,6 +304,20 @@ class Effect(ABC):
         return {}
 
     @classmethod
+    def read_off_unit(cls, records: RecordSet, simulated: Iterable[Record]) -> Mapping[str, float]:
+        """Values that the records of one unit (bearing, mounting) show exactly. None by default.
+
+        As `read_off`, for values that differ between units, such as the slip of each bearing's cage: in the closest
+        twin each unit has its own.
+        """
+        return {}
+
+    @classmethod
+    def reads_off_units(cls) -> bool:
+        """Whether it has values that `read_off_unit` reads."""
+        return cls.read_off_unit.__func__ is not Effect.read_off_unit.__func__  # type: ignore[attr-defined]
+
+    @classmethod
     def certain(cls, seen: Observations) -> bool:
         """Whether features show beyond doubt that the twin lacks it, whatever its detector says. False by default."""
         return False
@@ -411,6 +425,17 @@ class Effect(ABC):
         """The effect at this part of its strength; as it is where none of its parameters is a strength."""
         strengths = [field.name for field in self.parameters() if field.metadata["strength"]]
         return cast(Self, dataclasses.replace(cast(Any, self), **{n: factor * getattr(self, n) for n in strengths}))
+
+    def forms(self) -> Iterator[Effect]:
+        """Forms of the effect, at these values of its strength, that units of a machine may have each of their own.
+
+        By default the effect itself, and itself with each of its switches that fitting leaves alone in the other
+        position.
+        """
+        yield self
+        for field in self.parameters():
+            if field.type in ("bool", bool) and not field.metadata["fitted"]:
+                yield self.moved(**{field.name: not getattr(self, field.name)})
 
     def weaker(self) -> list[Self]:
         """The effect at parts `WEAKER` of its strength; none where none of its parameters is a strength."""

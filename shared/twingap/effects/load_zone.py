@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +24,9 @@ from twingap.effects.registry import register
 
 Array = NDArray[np.float64]
 
+_EXTENTS: Final = (1.0, 0.5, 0.3)
+"""Extents that are tried for each unit. More fit closer and take longer."""
+
 
 @register
 @dataclass(frozen=True)
@@ -34,7 +38,9 @@ class LoadZone(FaultEffect):
     (without the exponent of the contact, 3/2 for balls, because impacts need not be proportional to the load).
 
     A defect of the inner race turns through the load zone at shaft rate, one of a rolling element at cage rate. The
-    outer race does not turn, and a cage carries no load. The initial angle of the defect is random. On rollers the
+    outer race does not turn, and a cage carries no load. With `rotating`, the load turns with the shaft, as that of an
+    unbalance: it passes a defect of the outer race once a turn, one of a rolling element once per turn of the shaft
+    against the cage, and stays where it is on the inner race. The initial angle of the defect is random. On rollers the
     weight is additional to the load of the contact model.
     """
 
@@ -52,6 +58,10 @@ class LoadZone(FaultEffect):
     extent: float = parameter(
         1.0, unit="", plausible=(0.2, 1.0), allowed=(0.05, 1), doc="loaded part of the diameter (Stribeck's epsilon)"
     )
+    rotating: bool = parameter(
+        False, unit="", plausible=(0, 1), allowed=(0, 1), fitted=False, searched=False,
+        doc="whether the load turns with the shaft, as that of an unbalance",
+    )  # fmt: skip
 
     def on_impacts(self, draft: Draft, impacts: Impacts, rng: np.random.Generator) -> None:
         impacts.amplitudes = impacts.amplitudes * self._weight(draft, impacts.turns, rng)
@@ -60,7 +70,11 @@ class LoadZone(FaultEffect):
         draft.modulate(self._weight(draft, draft.turns, rng))
 
     def _weight(self, draft: Draft, turns: Array, rng: np.random.Generator) -> Array | float:
-        rate = draft.bearing.side_line_order(str(draft.condition.fault), draft.cage_speed_ratio)
+        fault, cage = str(draft.condition.fault), draft.bearing.ftf * draft.cage_speed_ratio
+        if self.rotating:
+            rate = {"outer": 1.0, "ball": 1 - cage}.get(fault)
+        else:
+            rate = draft.bearing.side_line_order(fault, draft.cage_speed_ratio)
         return 1.0 if rate is None else self._load(rate * turns + rng.random())
 
     def _load(self, turns: Array) -> Array:
@@ -72,6 +86,11 @@ class LoadZone(FaultEffect):
         edge = math.acos(-middle)  # of the zone; the mean over a turn comes in closed form
         mean = (middle * edge + math.sin(edge)) / math.pi
         return np.asarray(1 + self.depth * (np.maximum(middle + around, 0.0) / mean - 1))
+
+    def forms(self) -> Iterator[Effect]:
+        for extent in _EXTENTS:
+            for rotating in (False, True):
+                yield dataclasses.replace(self, extent=extent, rotating=rotating)
 
     @classmethod
     def draw(cls, machine: Machine, rng: np.random.Generator) -> Mapping[str, float] | None:

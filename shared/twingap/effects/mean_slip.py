@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, Final
 
 import numpy as np
 
@@ -18,6 +18,11 @@ from twingap.effects.drawing import faults, log_uniform
 from twingap.effects.machine import Machine
 from twingap.effects.observations import Observations
 from twingap.effects.registry import register
+from twingap.records import Record, RecordSet
+from twingap.signal.impact_rate import rate_ratio
+
+_STRIKING: Final = ("inner", "outer", "ball")
+"""Faults whose impacts show the speed of the cage."""
 
 
 @register
@@ -70,6 +75,17 @@ class MeanSlip(Effect):
             "slip": float(rng.choice([-1, 1])) * log_uniform(rng, 0.003, 0.06),
             "of_rollers": 1.0 if rng.random() < 0.6 else float(other),
         }
+
+    @classmethod
+    def read_off_unit(cls, records: RecordSet, simulated: Iterable[Record]) -> Mapping[str, float]:
+        fault = str(records.conditions[0].fault)
+        if records.bearing is None or fault not in _STRIKING:
+            return {}
+        # Fault orders are linear in the cage's speed.
+        still, kinematic = (records.bearing.slipped(cage)[fault] for cage in (0.0, 1.0))
+        if not math.isfinite(ratio := rate_ratio(records, kinematic)):
+            return {}
+        return {"slip": (1 - ratio) * kinematic / (kinematic - still), "of_rollers": 1.0}
 
     def initial_values(self, seen: Observations) -> Iterator[Effect]:
         slip = seen.features["context|slip_measured"]

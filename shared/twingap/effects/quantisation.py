@@ -16,10 +16,12 @@ from twingap.effects.draft import Draft
 from twingap.effects.drawing import log_uniform
 from twingap.effects.machine import Machine
 from twingap.effects.registry import register
-from twingap.records import Record
+from twingap.records import Record, RecordSet
 
 _FEW: Final = 0.25
 """Distinct samples over all of a record up to which it is coarse. A larger value reads finer steps, less exactly."""
+_MANY: Final = 0.6
+"""The same of single units, whose step is not a name. A larger value finds steps that no measure shows."""
 _WHOLE: Final = 0.02
 """Largest distance of a difference of neighbouring levels from a multiple of the step."""
 _MOST: Final = 0.95
@@ -57,10 +59,19 @@ class Quantisation(Effect):
     @classmethod
     def read_off(cls, records: Iterable[Record], simulated: Iterable[Record]) -> Mapping[str, float]:
         """The step, where all records have the same and the twin has none."""
-        steps = np.array([_step(np.asarray(record.samples, float)) for record in records])
+        return cls._read(records, simulated, _FEW)
+
+    @classmethod
+    def read_off_unit(cls, records: RecordSet, simulated: Iterable[Record]) -> Mapping[str, float]:
+        # Units recorded in different ranges have different steps, finer ones among them.
+        return cls._read(records, simulated, _MANY)
+
+    @staticmethod
+    def _read(records: Iterable[Record], simulated: Iterable[Record], most: float) -> Mapping[str, float]:
+        steps = np.array([_step(np.asarray(record.samples, float), most) for record in records])
         if not steps.size or not steps.min() > 0 or np.ptp(steps) > _SAME_STEP * steps.max():
             return {}
-        if any(_step(np.asarray(record.samples, float)) for record in simulated):
+        if any(_step(np.asarray(record.samples, float), most) for record in simulated):
             return {}
         return {"step": float(np.median(steps))}
 
@@ -77,12 +88,15 @@ class MidRiseQuantisation(Quantisation):
         draft.x = (np.floor(draft.x / step) + 0.5) * step
 
 
-def _step(x: NDArray[np.float64]) -> float:
-    """Step of which all samples are multiples, but for a common offset; 0 without one."""
+def _step(x: NDArray[np.float64], most: float) -> float:
+    """Step of which all samples are multiples, but for a common offset; 0 without one.
+
+    `most` is the largest number of its levels, in parts of the samples.
+    """
     levels = np.unique(x)
     gaps = np.diff(levels)
     gaps = gaps[gaps > _ROUNDING * np.abs(x).max()]
-    if gaps.size < 2 or gaps.size + 1 > _FEW * x.size:
+    if gaps.size < 2 or gaps.size + 1 > most * x.size:
         return 0.0
     for base in (gaps.min(), np.median(gaps)):  # the smallest may be that to a rail or to zero
         whole = np.rint(gaps / base)

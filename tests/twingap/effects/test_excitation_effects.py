@@ -113,6 +113,16 @@ def test_load_zone_at_shaft_rate_inner_cage_rate_ball_and_nothing_else(lab: Any)
         np.testing.assert_array_equal(with_it, without)
 
 
+def test_a_load_that_turns_meets_the_outer_race_once_a_turn_and_stays_on_the_inner_one(lab: Any) -> None:
+    effect, ftf = LoadZone(depth=0.5, rotating=True), lab.bearing.ftf
+    for fault, own in (("outer", 1.0), ("ball", 1 - ftf)):
+        before, after = sidebands(lab, effect, fault, own)
+        assert before < 4 < 15 < after
+    for fault in ("inner", "cage"):
+        without, with_it = lab.where(n_samples=4000).pair(effect, fault)
+        np.testing.assert_array_equal(with_it, without)
+
+
 @pytest.mark.parametrize("extent", [0.2, 0.5, 0.8, 1.0])
 def test_a_narrow_load_zone_is_stribecks_and_leaves_the_mean_strength(lab: Any, extent: float) -> None:
     condition = lab.conditions("inner", 1)[0]

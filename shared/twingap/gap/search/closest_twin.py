@@ -1,8 +1,8 @@
 """The closest twin: everything that brings the twin closer, whether or not it can be named.
 
-verdict's twin --spectra: path, background--> --effects one by one, best first--> --joint search of all values-->
-               --spectra again, lines--> units: path, background, impacts of their own--> closest twin,
-               kept where other random streams confirm it
+verdict's twin --values that records of single units show--> --spectra: path, background--> --effects one by one, best
+               first--> --joint search of all values--> --spectra again, lines--> units: path, background, impacts of
+               their own--> closest twin, kept where other random streams confirm it
 
 Effects stand in for each other: in a real machine several of them, none of which can be named, may close a gap
 together. What the closest twin closes, and which group of effects closes it, is measured on held-out records.
@@ -17,7 +17,7 @@ from typing import Final
 
 from twingap.effects import Effect, Stage, catalogue, make_effect
 from twingap.effects.by_state import unit_of
-from twingap.effects.registry import irregular_impacts, measured_from_spectra
+from twingap.effects.registry import irregular_impacts, look_alikes, measured_from_spectra
 from twingap.errors import TwingapError
 from twingap.gap.knowledge.learnt import Learnt
 from twingap.gap.search.effect_search import Explanation, estimate
@@ -27,7 +27,8 @@ from twingap.gap.search.initial_values import observations
 from twingap.gap.search.joint import fitted_together
 from twingap.gap.search.optimise import optimise, validation_distance
 from twingap.gap.search.path_delays import with_delays
-from twingap.gap.search.unit_impacts import effects_on_impacts, with_impacts_by_unit
+from twingap.gap.search.read_by_unit import read_by_unit
+from twingap.gap.search.unit_impacts import effects_on_impacts, unit_distance, with_impacts_by_unit
 from twingap.twins.simulator import Simulator, TwinSimulator
 from twingap.twins.twin_file import TwinSpec
 
@@ -37,6 +38,9 @@ MOST: Final = 12
 """Largest number of effects that are added. Each adds values to the joint search."""
 WORTH: Final = 0.985
 """Factor on the misfit that an added effect has to reach. Closer to 1, more are added for a smaller gain."""
+READ: Final = 0.997
+"""Factor on the misfit that values read off the records have to reach: they are known, not fitted, so that little is
+asked. Closer to 1, values are set that make no difference."""
 SIMPLER: Final = 0.97
 """Factor on the distance, with other random streams, that a later stage of the search has to reach. Closer to 1, more
 of what chance made is kept."""
@@ -81,7 +85,7 @@ def closest_twin(
     """
     begin = found.after if found.gap else found.before
     bare = evidence.without_added(begin.simulator)
-    start = _Twin(bare, begin.effects, evidence.misfit(bare, begin.effects))
+    start = _with_read_values(evidence, _Twin(bare, begin.effects, evidence.misfit(bare, begin.effects)), found)
     progress("spectra of path and background", 0.0)
     preferred = by_fault_or_all(evidence)
     sides: tuple[By, By] = ("fault", "all")
@@ -122,7 +126,13 @@ def closest_twin(
     local = optimise(evidence, now.simulator, now.effects, learnt.errors, passes=2)
     now = _Twin(local.simulator, local.effects, evidence.misfit(local.simulator, local.effects), now.by)
     spectra = tuple(name for name in every if name in now.names)
-    stages.append(_with_spectra(evidence, now, (spectra, (*spectra, LINES), every), now.by))
+    every_choice = spectra, (*spectra, LINES), every
+    last = _with_spectra(evidence, now, every_choice, now.by)
+    if LINES in last.names and (rest := _without_lines(now, begin.effects)) != now.effects:
+        given = _Twin(now.simulator, rest, evidence.misfit(now.simulator, rest), now.by)
+        other = _with_spectra(evidence, given, every_choice, now.by)
+        last = other if other.misfit < last.misfit else last
+    stages.append(last)
     # What was fitted to chance is farther from other simulations of all records; the simplest of equals is kept.
     best, least = start, validation_distance(evidence, start.simulator, start.effects)
     for one in stages[1:]:
@@ -141,6 +151,17 @@ def closest_spec(compared: Compared) -> TwinSpec | None:
     names = dict.fromkeys((*spec.effects, *(effect.name for effect in compared.effects)))
     values = {**spec.parameters, **{effect.name: effect.parameter_values() for effect in compared.effects}}
     return replace(spec, effects=tuple(names), parameters=values)
+
+
+def _with_read_values(evidence: Evidence, now: _Twin, found: Explanation) -> _Twin:
+    """The twin with values that the records of single units show exactly, where these bring it closer."""
+    for name in catalogue():
+        if not (name in now.names or _addable(name, evidence, found)):
+            continue
+        if (chain := read_by_unit(evidence, now.simulator, now.effects, name)) is not None:
+            tried = _Twin(now.simulator, chain, evidence.misfit(now.simulator, chain))
+            now = tried if tried.misfit < READ * now.misfit else now
+    return now
 
 
 def _rhythms(evidence: Evidence, start: _Twin, found: Explanation) -> Iterator[_Twin]:
@@ -174,7 +195,11 @@ def _with_spectra(
 
 
 def _with_units(evidence: Evidence, now: _Twin, left: float, learnt: Learnt, on_impacts: Sequence[str]) -> _Twin:
-    """The twin with path, background and impacts by unit, where a fault has several and it is no farther for it."""
+    """The twin with path, background and impacts by unit, where a fault has several and these bring it closer.
+
+    The distance of the means of all records may be less for one twin of all units, which none of them resembles: the
+    distances of single units count beside it.
+    """
     units = {(c.fault, unit_of(c)) for c in evidence.calibrated.fit.conditions}
     names = [name for name in (PATH, BACKGROUND) if name in now.names]
     if not names or len(units) == len({fault for fault, _ in units}):
@@ -182,11 +207,20 @@ def _with_units(evidence: Evidence, now: _Twin, left: float, learnt: Learnt, on_
     made = measured(evidence, now.simulator, now.effects, names, by="unit")
     if made is None:
         return now
-    # Values of other effects made up for what the units have in their own paths now.
+    made = with_impacts_by_unit(evidence, *made, on_impacts)
+    # Values of other effects made up for what the units have in their own paths and impacts now.
     moved = optimise(evidence, *made, learnt.errors, passes=2)
-    last = measured(evidence, moved.simulator, moved.effects, names, 2, by="unit") or made
-    last = with_impacts_by_unit(evidence, *last, on_impacts)
-    return now if validation_distance(evidence, *last) > left else _Twin(*last, evidence.misfit(*last), "unit")
+    last = moved.simulator, moved.effects
+    before = math.hypot(left, unit_distance(evidence, now.simulator, now.effects))
+    if math.hypot(validation_distance(evidence, *last), unit_distance(evidence, *last)) >= SIMPLER * before:
+        return now
+    return _Twin(*last, evidence.misfit(*last), "unit")
+
+
+def _without_lines(now: _Twin, kept: Chain) -> Chain:
+    """The effects without those whose lines a list may hold as well; those of `kept` stay."""
+    alike, own = look_alikes(LINES), {effect.name for effect in kept}
+    return tuple(effect for effect in now.effects if effect.name in own or effect.name not in alike)
 
 
 def _without_idle(evidence: Evidence, now: _Twin) -> _Twin:

@@ -40,7 +40,7 @@ _RECORDS: Final = 8
 """Records of each state that are searched for lines. More find weaker lines and take longer."""
 _LONGEST: Final = 1 << 18
 """Largest number of samples of these records. Longer records resolve closer lines."""
-_MOST: Final = 256
+_MOST: Final = 512
 """Largest number of lines. More take longer to simulate."""
 _FLOOR_BINS: Final = 40
 """Bins of a block whose median is the floor. More follow the noise less closely and hold fewer lines."""

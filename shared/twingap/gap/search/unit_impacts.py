@@ -9,6 +9,7 @@ strike. All units are simulated at a strength at once, since none of them depend
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Final
 
@@ -71,6 +72,11 @@ def with_impacts_by_unit(
     return simulator, chain
 
 
+def unit_distance(evidence: Evidence, simulator: Simulator, effects: Sequence[Effect]) -> float:
+    """Distance of single units' records from the twin: the root of its mean square over units, noise included."""
+    return math.sqrt(np.mean(list(_by_unit(evidence, simulator, effects).values())))
+
+
 def _least(found: Iterable[Mapping[State, float]]) -> dict[State, float]:
     """Unit -> the smallest of its distances."""
     rows = list(found)
@@ -89,13 +95,14 @@ def _may_be_absent(name: str) -> bool:
 
 
 def _strengths(effect: Effect) -> Iterator[Effect]:
-    """The effect at strengths up to the largest plausible one."""
+    """The effect in each of its forms at strengths up to the largest plausible one."""
     if isinstance(effect, ByState):
         return
     (field,) = (field for field in effect.parameters() if field.metadata["strength"])
     largest = field.metadata["plausible"][1]
-    for strength in np.geomspace(_WEAKEST, 1.0, _STRENGTHS) * largest:
-        yield effect.moved(**{field.name: float(strength)})
+    for form in effect.forms():
+        for strength in np.geomspace(_WEAKEST, 1.0, _STRENGTHS) * largest:
+            yield form.moved(**{field.name: float(strength)})
 
 
 def _by_unit(evidence: Evidence, simulator: Simulator, effects: Sequence[Effect]) -> dict[State, float]:
