@@ -100,8 +100,13 @@ def to_value(name: str, parameter: str, number: float, setting: Setting) -> floa
 
 
 def _estimated(field: dataclasses.Field[Any]) -> bool:
-    """Whether a parameter is estimated: a reference speed is a convention, absorbed by the impacts' amplitude."""
-    return bool(field.metadata["relative_to"] != "speed")
+    """Whether a parameter is estimated.
+
+    A reference speed is a convention, absorbed by the impacts' amplitude; nor is a form that neither fitting nor a
+    search changes, unless it is right or wrong alone.
+    """
+    about = field.metadata
+    return bool(about["relative_to"] != "speed" and (about["fitted"] or about["searched"] or about["exact"]))
 
 
 @cache
