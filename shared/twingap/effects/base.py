@@ -341,6 +341,14 @@ class Effect(ABC):
         return {}
 
     @classmethod
+    def shown_errors(cls) -> Mapping[str, float]:
+        """Errors, by parameter, that nine of ten of these values do not exceed, on the scale of its estimates.
+
+        A search stays near values with an error; those without one are where it begins.
+        """
+        return {}
+
+    @classmethod
     def not_read_off(cls, conditions: Sequence[Condition]) -> str:
         """Why records of these conditions cannot show such values, and what to record instead; "" where they can."""
         return ""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
@@ -29,7 +30,9 @@ Array = NDArray[np.float64]
 
 _DAMPINGS: Final = (0.02, 0.06)
 _GAINS: Final = (0.1, 0.4, 1.6)
-"""Trial values of a search, all combinations, in phase with the first mode and in opposition. More are slower."""
+_FINE_GAINS: Final = (0.04, 0.1, 0.25, 0.6, 1.5)
+"""Trial values of a search, all combinations, in phase with the first mode and in opposition; finer gains where a hump
+shows the others. More are slower."""
 _APART: Final = 0.2
 """Log ratio of both frequencies below which two modes cannot be distinguished. A larger value draws fewer."""
 
@@ -42,6 +45,26 @@ _HUMP_TRIED: Final = (0.1, 0.4, 1.6, -0.4)
 """Gains that are tried at the best place, negative in opposition."""
 _LOWEST, _HIGHEST = 0.02, 0.96
 """Ends of the frequencies that are fitted, as parts of the highest one."""
+
+_CLEAR: Final = 5.0
+"""z from which a narrow hump is certain. A smaller value finds weaker modes, and more by chance."""
+_BEYOND_DOUBT: Final = 9.0
+"""z from which it shows a gap that no test shows."""
+_RIVAL: Final = 0.5
+"""Part of it that z of another hump, or of a dip, may reach: spectra that differ in many places differ for another
+reason. A larger value takes errors of calibrated values and forms of paths for one mode."""
+_NARROW: Final = 0.055
+"""Largest damping ratio of a certain mode. A larger value takes bands of noise for modes."""
+_STEADY: Final = 0.7
+"""Largest scatter of the height over records, over its mean. A larger value takes bursts, squeal and smeared lines for
+modes."""
+_OWN_MODE: Final = 0.22
+"""Log ratio to the twin's own mode within which a hump is due to this mode, which may be elsewhere or drift. A larger
+value misses modes that are near."""
+_IMAGE: Final = 0.06
+"""The same about twice its frequency, where distortion repeats it, and about its image above half the sampling rate."""
+_LEAST_MODE: Final = 0.02
+"""Frequency of the twin's own mode, over the sampling rate, below which its calibration has failed."""
 
 
 @register
@@ -95,6 +118,28 @@ class SecondResonance(Effect):
         return draft.beyond_nyquist(self.frequency_hz)
 
     @classmethod
+    def certain(cls, seen: Observations) -> bool:
+        """Where the spectra of all states have one narrow hump over the twin's, far from the twin's own mode."""
+        return _is_mode(seen, seen.features, _CLEAR)
+
+    @classmethod
+    def shows_gap(cls, seen: Observations) -> bool:
+        return _is_mode(seen, seen.features, _BEYOND_DOUBT)
+
+    @classmethod
+    def shown(cls, seen: Observations) -> Mapping[str, float]:
+        """Frequency and damping of such a hump, also where other effects of the twin hide it."""
+        for features in (seen.features, seen.held_out):
+            if _is_mode(seen, features, _CLEAR):
+                frequency_hz = features["pooled|hump_fs"] * seen.fs_hz
+                return {"frequency_hz": frequency_hz, "damping_ratio": features["pooled|hump_damping"]}
+        return {}
+
+    @classmethod
+    def shown_errors(cls) -> Mapping[str, float]:
+        return {"frequency_hz": 0.03, "damping_ratio": 0.4}
+
+    @classmethod
     def draw(cls, machine: Machine, rng: np.random.Generator) -> Mapping[str, float] | None:
         first, fs_hz = machine.parameters.resonance_hz, machine.conditions[0].fs_hz
         second, damping = log_uniform(rng, 0.02, 0.46) * fs_hz, log_uniform(rng, 0.01, 0.15)
@@ -108,9 +153,10 @@ class SecondResonance(Effect):
         return None
 
     def initial_values(self, seen: Observations) -> Iterator[Effect]:
+        shown = bool(self.shown(seen))
         for opposed in (False, True):
-            for damping in _DAMPINGS:
-                for gain in _GAINS:
+            for damping in (self.damping_ratio,) if shown else _DAMPINGS:
+                for gain in _FINE_GAINS if shown else _GAINS:
                     yield dataclasses.replace(self, opposed=opposed, damping_ratio=damping, gain=gain)
 
     def spectral_values(self, seen: Observations) -> Sequence[Effect]:
@@ -119,6 +165,8 @@ class SecondResonance(Effect):
         Of two modes of the records either may be the twin's. A twin without a mode as a parameter has it at the humps
         of the records' spectra over its own.
         """
+        if self.shown(seen):
+            return ()
         if seen.own_mode is None:
             first, *others = list(_humps(seen.spectrum_ratio()))
             # Gains of a filter, as fitted, and those of impacts through a mode beside the path.
@@ -134,6 +182,21 @@ class SecondResonance(Effect):
                 pair.frequencies_hz, pair.dampings, (1 / pair.gain, pair.gain), strict=True
             )
         ]
+
+
+def _is_mode(seen: Observations, features: Mapping[str, float], least: float) -> bool:
+    """Whether all records have one such hump: high, narrow, steady, and not due to the twin's own mode."""
+    z, rival, place, damping, unsteady, peak = (
+        features.get(f"pooled|hump{what}", math.nan)
+        for what in ("", "_rival", "_fs", "_damping", "_unsteady", "_peak_fs")
+    )
+    if not (z >= least and rival <= _RIVAL * z and damping <= _NARROW and unsteady <= _STEADY):
+        return False
+    if seen.own_mode is not None:
+        peak = seen.own_mode[0] / seen.fs_hz
+        if peak < _LEAST_MODE or abs(math.log(place / peak)) < _OWN_MODE:
+            return False
+    return not any(abs(math.log(place / at)) < _IMAGE for at in (2 * peak, max(0.5 - peak, 1e-9)))
 
 
 def _humps(of: SpectrumRatio) -> Iterator[tuple[float, float, float]]:

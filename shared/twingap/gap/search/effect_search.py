@@ -539,11 +539,16 @@ def estimate(name: str, features: Array, evidence: Evidence, learnt: Learnt) -> 
         intervals[parameter] = (min(ends) * (1 - least), max(ends) * (1 + least))
     made = to_effect(name, numbers, setting)
     shown = made.shown(observations(evidence, features))
+    errors: dict[str, float] = {}
     if shown and evidence.fits(made.moved(**shown)):
         made = made.moved(**shown)
         numbers = {parameter: to_number(made, parameter, setting) for parameter in numbers}
-        intervals = {p: ends for p, ends in intervals.items() if p not in shown}
-        within = {p: off for p, off in within.items() if p not in shown}
+        errors = {p: off for p, off in made.shown_errors().items() if p in shown}
+        intervals = {p: own for p, own in intervals.items() if p not in shown}
+        for p, off in errors.items():
+            around = [to_value(name, p, numbers[p] + sign * off, setting) for sign in (-1, 1)]
+            intervals[p] = min(around), max(around)
+        within = {p: off for p, off in within.items() if p not in shown} | errors
     # Values at which no record can be simulated, such as a frequency above Nyquist: halve the way to the defaults.
     for _ in range(6):
         if evidence.fits(made):
@@ -553,8 +558,12 @@ def estimate(name: str, features: Array, evidence: Evidence, learnt: Learnt) -> 
     read = evidence.read_off(name)
     made = evidence.at_read_values(made, evidence.against().simulator)
     intervals = {p: ends for p, ends in intervals.items() if p not in read}
-    weight = TREND_WEIGHT if default.trends else 1.0
-    priors = {(name, p): Prior(to_number(made, p, setting), off, weight) for p, off in within.items() if p not in read}
+    # From more records, or from finer bands, than the distance.
+    known = within.keys() if default.trends else errors.keys()
+    priors = {
+        (name, p): Prior(to_number(made, p, setting), off, TREND_WEIGHT if p in known else 1.0)
+        for p, off in within.items() if p not in read
+    }  # fmt: skip
     return Estimated(made, intervals, priors)
 
 

@@ -1,9 +1,10 @@
-"""Pooled features: lines, impact combs and level trends over all records, fit and held-out part together.
+"""Pooled features: lines, impact combs, level trends and a hump over all records, fit and held-out part together.
 
-summaries of both parts, measured and simulated --lines of mean spectra, entry-exit combs, trends of levels--> features
+summaries of both parts, measured and simulated --lines of mean spectra, entry-exit combs, trends of levels, hump-->
+features
 
-Only features that calibration hardly affects are pooled: no parameter of a twin's baseline produces a line, or a trend
-within a fault. All other features are compared on one part at a time.
+Only features that calibration hardly affects are pooled: no parameter of a twin's baseline produces a line, a trend
+within a fault, or a narrow hump far from its own mode. All other features are compared on one part at a time.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ from twingap.gap.features.impacts import impact_pair_comb
 from twingap.gap.features.impacts.impulse_response import PLACES, ImpactSpectrum
 from twingap.gap.features.pooled import faint, lines, trends
 from twingap.gap.features.pooled.trends import Levels
+from twingap.gap.features.spectrum import hump
 from twingap.gap.features.spectrum.record_summary import RecordSummary
 from twingap.gap.features.tones import subsynchronous
 from twingap.records import Array
@@ -70,6 +72,7 @@ def feature_names() -> Sequence[str]:
         *(f"pooled|{name}" for name in lines.NAMES), *(f"pooled|{name}.diff" for name in lines.NAMES),
         *(f"pooled|{name}" for name in faint.NAMES), *(f"pooled|{name}.diff" for name in faint.NAMES),
         *(f"pooled|{name}" for name in subsynchronous.NAMES), *(f"pooled|{name}.diff" for name in subsynchronous.NAMES),
+        *(f"pooled|{name}" for name in hump.NAMES),
     )  # fmt: skip
 
 
@@ -92,7 +95,8 @@ def compare(real: PooledRecords, simulated: PooledRecords, over: Levels) -> Arra
     first = [*(combs[name] for name in impact_pair_comb.NAMES), *(slopes[name] for name in trends.NAMES)]
     theirs = simulated.faint if _has_faint_lines(real.faint) else np.full(len(faint.NAMES), np.nan)
     ours = real.lines, real.lines - simulated.lines, real.faint, real.faint - theirs
-    return np.concatenate((first, *ours, real.below, real.below - simulated.below))
+    humps = hump.compare(real.summaries, simulated.summaries)
+    return np.concatenate((first, *ours, real.below, real.below - simulated.below, [humps[n] for n in hump.NAMES]))
 
 
 def _has_faint_lines(found: Array) -> bool:

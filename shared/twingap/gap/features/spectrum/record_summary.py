@@ -5,20 +5,28 @@ RecordTransforms --smooth spectrum, whitened spectra, spectrum of impacts, RMS--
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
+from scipy.ndimage import maximum_filter1d
 
 from twingap.gap.features.impacts.impulse_response import ImpactSpectrum, impact_spectrum
 from twingap.gap.features.tones.whitened_spectra import Whitened, whiten
 from twingap.records import Array, Condition
-from twingap.signal.record_transforms import Frame, RecordTransforms
+from twingap.signal.record_transforms import SMOOTH_SEGMENTS, Frame, RecordTransforms, band_medians
+
+_STRONG: Final = 3.5
+"""ln of a line's power over its floor from which it and its skirts are left out. A smaller value leaves out parts of
+sharp modes."""
+_SKIRT: Final = 8
+"""Bins on either side into which strong lines leak. A larger value leaves out more of what lies between lines."""
 
 
 class RecordSummary(NamedTuple):
     """Summary of one record.
 
-    `smooth` [record_transforms.SMOOTH_SEGMENTS] is a power density, unit^2 / Hz; `whitened` is for lines in means over
+    `smooth` [record_transforms.SMOOTH_SEGMENTS] is a power density, unit^2 / Hz; `between_log` [as many] is ln of the
+    level between lines (Hann), unit^2, into which strong lines do not leak; `whitened` is for lines in means over
     records; `rms` is about the mean, in the unit of the records.
     """
 
@@ -26,6 +34,7 @@ class RecordSummary(NamedTuple):
     frame: Frame
     fs_hz: float
     smooth: Array
+    between_log: Array
     whitened: Whitened
     impact_spectrum: ImpactSpectrum | None
     rms: float
@@ -39,5 +48,15 @@ def log_bands(record: RecordSummary, bands: int) -> Array:
 
 def summarise(record: RecordTransforms) -> RecordSummary:
     """Summary of one record."""
-    spectrum, rms = impact_spectrum(record), float(np.std(record.x))
-    return RecordSummary(record.condition, record.frame, record.fs_hz, record.smooth, whiten(record), spectrum, rms)
+    white = whiten(record)
+    return RecordSummary(
+        record.condition, record.frame, record.fs_hz, record.smooth, _between_lines(record, white), white,
+        impact_spectrum(record), float(np.std(record.x)),
+    )  # fmt: skip
+
+
+def _between_lines(record: RecordTransforms, white: Whitened) -> Array:
+    """[SMOOTH_SEGMENTS] ln of the level between lines: the floor takes the place of strong lines and their skirts."""
+    line = maximum_filter1d(white.logs > _STRONG, 2 * _SKIRT + 1)
+    level = np.where(line, np.exp(white.floor_at(np.arange(line.size))), record.tones)
+    return np.log(np.maximum(band_medians(level[1:], SMOOTH_SEGMENTS), 1e-300))
