@@ -23,6 +23,7 @@ from twingap.gap.search import unlearnt
 from twingap.gap.search.effect_search import ALPHA_REST, Estimated, Explanation
 from twingap.gap.search.evidence import Compared, Evidence
 from twingap.gap.search.free_spectra import BACKGROUND, LINES, PATH, Chain, by_fault_or_all, measured
+from twingap.gap.search.initial_values import observations
 from twingap.gap.search.optimise import validation_distance
 from twingap.gap.search.path_delays import with_delays
 from twingap.gap.search.sign_flips import p_of_gain
@@ -64,6 +65,8 @@ def with_measured(evidence: Evidence, found: Explanation) -> Explanation:
     # Where no rest points to a further effect, one may still be in the place of those that are taken for it.
     more = not found.effects or found.rest_p <= ALPHA_REST or found.line_order is not None
     real = evidence.held_out.vectors
+    seen = observations(evidence, evidence.against().held_out)
+    shown = [one.effect.name for one in found.effects if catalogue()[one.effect.name].certain(seen)]
 
     def made(compared: Compared) -> list[FeatureVectors]:
         return evidence.held_out_replicates(compared.simulator, compared.effects, _REPLICATES)
@@ -79,7 +82,7 @@ def with_measured(evidence: Evidence, found: Explanation) -> Explanation:
             continue
         # Asked of the fit part: names must not be chosen by the closure that is reported.
         rest = tuple(
-            effect for effect in now.effects if effect.measured or effect.name not in _replaceable(name, found)
+            effect for effect in now.effects if effect.measured or effect.name not in _replaceable(name, found, shown)
         )
         asked = more or (name == LINES and left > _MOST * bare)
         ways = list(_ways(evidence, now, name)) if asked and (name != PATH or rest == now.effects) else []
@@ -94,7 +97,7 @@ def with_measured(evidence: Evidence, found: Explanation) -> Explanation:
             continue
         nearer = validation_distance(evidence, *way)
         if name == PATH:
-            nearer, way = _without_surrogates(evidence, nearer, way, LEAST * bare, _replaceable(PATH, found))
+            nearer, way = _without_surrogates(evidence, nearer, way, LEAST * bare, _replaceable(PATH, found, shown))
         compared = Compared(evidence, way[1], way[0])
         there = Paired(real, made(compared), before.scale)
         if (p := p_of_gain(here, there, evidence.root)) <= LEVEL:
@@ -114,20 +117,18 @@ def with_measured(evidence: Evidence, found: Explanation) -> Explanation:
     )  # fmt: skip
 
 
-def _replaceable(name: str, found: Explanation) -> Collection[str]:
-    """Effects that a measured effect may replace.
+def _replaceable(name: str, found: Explanation, shown: Collection[str]) -> Collection[str]:
+    """Effects that a measured effect may replace; those of `shown` are certain by what the records show.
 
     A background replaces none: it is coloured noise in a free form, not another cause.
     """
     if name == BACKGROUND:
         return ()
-    certain = {n for n, p in found.probability.items() if name == PATH and p >= _CERTAIN and _told_from_paths(n)}
+    certain = {
+        n for n, p in found.probability.items()
+        if name == PATH and p >= _CERTAIN and (n in shown or catalogue()[n].told_from_paths)
+    }  # fmt: skip
     return [other for other in look_alikes(name) if other not in certain]
-
-
-def _told_from_paths(name: str) -> bool:
-    """Whether learnt models tell this effect from a path."""
-    return catalogue()[name].told_from_paths
 
 
 def _is_needed(evidence: Evidence, now: Compared, way: tuple[Simulator, Chain], least: float) -> bool:
