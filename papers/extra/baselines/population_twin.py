@@ -79,7 +79,7 @@ def fit_population(job: Fit, every: dict[str, RecordSet]) -> dict[str, Any]:
         evidence = Evidence(calibrated, simulator_of(calibrated), BARE, root_entropy(rng) >> 66, THOROUGH)
         learnt = shipped()
         now = closest_twin(evidence, explain(evidence, learnt, lambda what, part: None), learnt)
-        by_unit = by_of(now.effects) == "unit"
+        by_unit = by_of(effect for effect in now.effects if effect.name in (PATH, BACKGROUND)) == "unit"
         if not by_unit and (made := measured(evidence, now.simulator, now.effects, (PATH, BACKGROUND), by="unit")):
             now = Compared(evidence, made[1], made[0])
     spec = closest_spec(now)

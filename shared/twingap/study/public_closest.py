@@ -31,7 +31,7 @@ from twingap.gap.search.free_spectra import by_of
 from twingap.identification.calibrate import Prepared, calibrate_prepared, prepare
 from twingap.records import Condition, RecordSet
 from twingap.streams import root_entropy
-from twingap.twins.population import machines
+from twingap.twins.population import has_population, machines
 from twingap.twins.simulator import TwinSimulator
 from twingap.twins.twin_file import TwinSpec
 
@@ -192,7 +192,7 @@ def _population(
 ) -> list[FeatureVectors]:
     """Feature vectors of machines drawn from the closest twin's units; none where it has no values of several units."""
     spec, evidence = closest_spec(now), held_out.evidence
-    if spec is None or by_of(now.effects) != "unit":
+    if spec is None or not has_population(spec):
         return []
     drawn = [one for _, one in machines(spec, count, rng)]
     simulators = [TwinSimulator(one, evidence.frame.bearing, evidence.calibrated.fit.unit) for one in drawn]

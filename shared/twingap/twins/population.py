@@ -32,6 +32,12 @@ _PLACES: Final = ("Hz", "shaft orders")
 """Units of lists that say where something lies, whose items are not the same in different units."""
 
 
+def has_population(spec: TwinSpec) -> bool:
+    """Whether a fault has values of several units, from whose spread machines can be drawn."""
+    effects = (make_effect(name, spec.parameters.get(name), "twin") for name in spec.effects)
+    return any(len(units) > 1 for units in _units_of(effects).values())
+
+
 def machines(spec: TwinSpec, count: int, rng: np.random.Generator) -> Iterator[tuple[str, TwinSpec]]:
     """Names and twins of machines drawn from a population.
 

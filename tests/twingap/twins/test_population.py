@@ -10,7 +10,7 @@ from twingap.effects import make_effect
 from twingap.effects.by_state import State, of_state
 from twingap.errors import TwingapError
 from twingap.records import Condition
-from twingap.twins.population import machines
+from twingap.twins.population import has_population, machines
 from twingap.twins.simulate import simulate
 from twingap.twins.twin_file import TwinSpec
 
@@ -88,6 +88,7 @@ def test_a_twin_without_units_has_no_population() -> None:
         TwinSpec("phenomenological", bearing=BEARINGS["6205"]),
         TwinSpec("phenomenological", ("impact_scatter",), parameters={"impact_scatter": one}, bearing=BEARINGS["6205"]),
     ):
+        assert has_population(SPEC) and not has_population(spec)
         with pytest.raises(TwingapError, match="no values of several units"):
             simulate(conditions, spec, population=2)
     with pytest.raises(TwingapError, match="0 machines asked for"):
