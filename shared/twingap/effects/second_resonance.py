@@ -165,8 +165,8 @@ class SecondResonance(Effect):
         Of two modes of the records either may be the twin's. A twin without a mode as a parameter has it at the humps
         of the records' spectra over its own.
         """
-        if self.shown(seen):
-            return ()
+        if shown := self.shown(seen):
+            return [self.moved(**shown, gain=abs(gain), opposed=gain < 0) for gain in _HUMP_TRIED]
         if seen.own_mode is None:
             first, *others = list(_humps(seen.spectrum_ratio()))
             # Gains of a filter, as fitted, and those of impacts through a mode beside the path.
