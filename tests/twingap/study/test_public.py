@@ -112,7 +112,7 @@ def test_the_papers_twins_for_records_without_time() -> None:
     spec, left_out = public_jobs.twin_spec("paper1", records)
     assert spec.effects == ("speed_gain", "slip_jitter", "load_zone", "impact_scatter")
     assert len(left_out) == 1 and "damage_growth" in left_out[0]
-    assert spec.parameters["load_zone"] == {"depth": 0.3, "extent": 1.0}
+    assert spec.parameters["load_zone"] == {"depth": 0.3, "extent": 1.0, "rotating": False}
     assert public_jobs.twin_spec("paper2", records)[0].preset == "paper"
     assert public_jobs.twin_spec("paper3", records)[0].effects == ("slip_jitter",)
     with pytest.raises(TwingapError, match="paper1"):
