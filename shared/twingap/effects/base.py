@@ -313,11 +313,6 @@ class Effect(ABC):
         return {}
 
     @classmethod
-    def reads_off_units(cls) -> bool:
-        """Whether it has values that `read_off_unit` reads."""
-        return cls.read_off_unit.__func__ is not Effect.read_off_unit.__func__  # type: ignore[attr-defined]
-
-    @classmethod
     def certain(cls, seen: Observations) -> bool:
         """Whether features show beyond doubt that the twin lacks it, whatever its detector says. False by default."""
         return False
@@ -342,9 +337,9 @@ class Effect(ABC):
 
     @classmethod
     def shown_errors(cls) -> Mapping[str, float]:
-        """Errors, by parameter, that nine of ten of these values do not exceed, on the scale of its estimates.
+        """Bounds, by parameter, of the errors of nine of ten values of `shown`, on the scale of estimates.
 
-        A search stays near values with an error; those without one are where it begins.
+        A search stays near values with such a bound; other values are where it begins.
         """
         return {}
 

@@ -63,8 +63,6 @@ _OWN_MODE: Final = 0.22
 value misses modes that are near."""
 _IMAGE: Final = 0.06
 """The same about twice its frequency, where distortion repeats it, and about its image above half the sampling rate."""
-_LEAST_MODE: Final = 0.02
-"""Frequency of the twin's own mode, over the sampling rate, below which its calibration has failed."""
 
 
 @register
@@ -185,7 +183,11 @@ class SecondResonance(Effect):
 
 
 def _is_mode(seen: Observations, features: Mapping[str, float], least: float) -> bool:
-    """Whether all records have one such hump: high, narrow, steady, and not due to the twin's own mode."""
+    """Whether all records have one such hump: high, narrow, steady, and not due to the twin's own mode.
+
+    A twin whose spectrum is not highest at its own mode has not been calibrated to the records' mode: then a hump may
+    be that mode.
+    """
     z, rival, place, damping, unsteady, peak = (
         features.get(f"pooled|hump{what}", math.nan)
         for what in ("", "_rival", "_fs", "_damping", "_unsteady", "_peak_fs")
@@ -193,8 +195,8 @@ def _is_mode(seen: Observations, features: Mapping[str, float], least: float) ->
     if not (z >= least and rival <= _RIVAL * z and damping <= _NARROW and unsteady <= _STEADY):
         return False
     if seen.own_mode is not None:
-        peak = seen.own_mode[0] / seen.fs_hz
-        if peak < _LEAST_MODE or abs(math.log(place / peak)) < _OWN_MODE:
+        own = seen.own_mode[0] / seen.fs_hz
+        if abs(math.log(peak / own)) > _OWN_MODE or abs(math.log(place / own)) < _OWN_MODE:
             return False
     return not any(abs(math.log(place / at)) < _IMAGE for at in (2 * peak, max(0.5 - peak, 1e-9)))
 

@@ -35,7 +35,7 @@ _PLACES: Final = ("Hz", "shaft orders")
 def has_population(spec: TwinSpec) -> bool:
     """Whether a fault has values of several units, from whose spread machines can be drawn."""
     effects = (make_effect(name, spec.parameters.get(name), "twin") for name in spec.effects)
-    return any(len(units) > 1 for units in _units_of(effects).values())
+    return _has_several(_units_of(effects))
 
 
 def machines(spec: TwinSpec, count: int, rng: np.random.Generator) -> Iterator[tuple[str, TwinSpec]]:
@@ -58,7 +58,7 @@ def machines(spec: TwinSpec, count: int, rng: np.random.Generator) -> Iterator[t
     faults = _units_of(effects.values())
     if count < 1:
         raise TwingapError(f"{count} machines asked for, at least 1 expected", where="population")
-    if not any(len(units) > 1 for units in faults.values()):
+    if not _has_several(faults):
         raise TwingapError(
             "has no values of several units, so that no population can be drawn",
             where="twin", mend="take closest.toml of a diagnosis whose records.csv has a column bearing_id",
@@ -91,6 +91,11 @@ def _units_of(effects: Iterable[Effect]) -> dict[str, list[str]]:
             if state.unit and state.unit not in out.setdefault(state.fault, []):
                 out[state.fault].append(state.unit)
     return out
+
+
+def _has_several(faults: Mapping[str, Sequence[str]]) -> bool:
+    """Whether a fault has several units."""
+    return any(len(units) > 1 for units in faults.values())
 
 
 def _weights(count: int, rng: np.random.Generator) -> Array:

@@ -20,7 +20,9 @@ def test_a_mode_is_named_where_it_is(world: World) -> None:
     assert report.verdict.effects == ("second_resonance",)
     (candidate,) = (one for one in report.candidates if one.effect == "second_resonance")
     true = world.parameters["second_resonance"]["frequency_hz"]
-    assert candidate.parameters["frequency_hz"].value == pytest.approx(true, rel=0.06)
+    frequency = candidate.parameters["frequency_hz"]
+    assert frequency.value == pytest.approx(true, rel=0.06)
+    assert frequency.ci is not None and frequency.ci[1] < 1.2 * frequency.ci[0], "no wider than the hump"
 
 
 def test_no_gap_where_the_simulator_has_the_same_mode(world: World) -> None:

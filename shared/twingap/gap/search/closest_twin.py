@@ -126,11 +126,11 @@ def closest_twin(
     local = optimise(evidence, now.simulator, now.effects, learnt.errors, passes=2)
     now = _Twin(local.simulator, local.effects, evidence.misfit(local.simulator, local.effects), now.by)
     spectra = tuple(name for name in every if name in now.names)
-    every_choice = spectra, (*spectra, LINES), every
-    last = _with_spectra(evidence, now, every_choice, now.by)
+    with_lines = spectra, (*spectra, LINES), every
+    last = _with_spectra(evidence, now, with_lines, now.by)
     if LINES in last.names and (rest := _without_lines(now, begin.effects)) != now.effects:
         given = _Twin(now.simulator, rest, evidence.misfit(now.simulator, rest), now.by)
-        other = _with_spectra(evidence, given, every_choice, now.by)
+        other = _with_spectra(evidence, given, with_lines, now.by)
         last = other if other.misfit < last.misfit else last
     stages.append(last)
     # What was fitted to chance is farther from other simulations of all records; the simplest of equals is kept.
@@ -197,8 +197,8 @@ def _with_spectra(
 def _with_units(evidence: Evidence, now: _Twin, left: float, learnt: Learnt, on_impacts: Sequence[str]) -> _Twin:
     """The twin with path, background and impacts by unit, where a fault has several and these bring it closer.
 
-    The distance of the means of all records may be less for one twin of all units, which none of them resembles: the
-    distances of single units count beside it.
+    One twin of all units may be close to the mean of all records and far from each unit. The distances of single units
+    therefore count beside that of the means.
     """
     units = {(c.fault, unit_of(c)) for c in evidence.calibrated.fit.conditions}
     names = [name for name in (PATH, BACKGROUND) if name in now.names]

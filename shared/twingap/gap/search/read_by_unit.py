@@ -18,9 +18,6 @@ def read_by_unit(evidence: Evidence, simulator: Simulator, effects: Chain, name:
 
     Units whose records do not show them have the given values, or no such effect. None where no unit shows any.
     """
-    kind = catalogue()[name]
-    if not kind.reads_off_units():
-        return None
     fit = evidence.calibrated.fit
     places: dict[State, list[int]] = {}
     for place, condition in enumerate(fit.conditions):
@@ -31,8 +28,7 @@ def read_by_unit(evidence: Evidence, simulator: Simulator, effects: Chain, name:
     own: dict[State, Effect] = {}
     for state, of_state in places.items():
         records = fit.take(of_state)
-        bare = (one for one in evidence.simulated(simulator, (), records.conditions, 0))
-        found = kind.read_off_unit(records, bare)
+        found = catalogue()[name].read_off_unit(records, evidence.simulated(simulator, (), records.conditions, 0))
         scale = {n: simulator.reference_rms if units[n] == HEALTHY_RMS else 1.0 for n in found}
         if found:
             own[state] = base.moved(**{n: value / scale[n] for n, value in found.items()})

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tests.twingap.gap.search.test_free_spectra import evidence_of
-from twingap.effects import Effect, make_effect
+from twingap.effects import Effect, SecondResonance, make_effect
 from twingap.gap.held_out import HeldOut
 from twingap.gap.knowledge import shipped
 from twingap.gap.search.effect_search import Estimated, Explanation
@@ -105,6 +105,24 @@ def test_a_path_does_not_replace_a_certain_roll_off() -> None:
 
     assert PATH in names(0.6)
     assert names(1.0) == ("sensor_rolloff",)
+
+
+def test_a_path_does_not_replace_a_mode_that_a_hump_shows(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its gain is not right, so that a path closes more; without the hump, it would be replaced."""
+    place = {"frequency_hz": 1100.0, "damping_ratio": 0.03}
+    evidence = evidence_of(make_effect("second_resonance", {**place, "gain": 0.6}))
+    weak = make_effect("second_resonance", {**place, "gain": 0.1})
+
+    def names() -> tuple[str, ...]:
+        found = Explanation(
+            0.01, True, (Estimated(weak, {}),), {"second_resonance": 0.95}, ((),), 0.5, evidence.against(),
+            evidence.against((weak,)), {},
+        )  # fmt: skip
+        return with_measured(evidence, found).names
+
+    assert names()[0] == "second_resonance"
+    monkeypatch.setattr(SecondResonance, "certain", classmethod(lambda kind, seen: False))
+    assert PATH in names() and "second_resonance" not in names()
 
 
 @pytest.mark.parametrize("rest_p", [0.5, 0.01])

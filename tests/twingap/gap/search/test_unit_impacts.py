@@ -6,7 +6,7 @@ from tests.twingap.gap.search.test_free_spectra import evidence_of
 from twingap.effects import make_effect
 from twingap.effects.by_state import State, of_state
 from twingap.gap.search.free_spectra import BACKGROUND, PATH, measured
-from twingap.gap.search.unit_impacts import effects_on_impacts, with_impacts_by_unit
+from twingap.gap.search.unit_impacts import effects_on_impacts, unit_distance, with_impacts_by_unit
 from twingap.records import Condition
 
 CONDITIONS = [
@@ -27,6 +27,20 @@ def test_one_bearing_of_two_scatters() -> None:
     sigma = [of_state(scatter, State("outer", unit)).parameter_values()["sigma"] for unit in ("even", "scattered")]
     assert sigma[0] <= 0.2 and 0.4 <= sigma[1] <= 1.5
     assert evidence.misfit(twin, found) < 0.9 * evidence.misfit(simulator, chain)
+
+
+def test_the_load_turns_with_the_shaft_of_one_bearing() -> None:
+    """Its impacts on the outer race vary once a turn, those of the other bearing do not."""
+    own = {"depth": 0.0, "outer": {"units": {"scattered": {"depth": 1.0, "rotating": True}}}}
+    evidence = evidence_of(make_effect("load_zone", own), conditions=CONDITIONS)
+    bare = evidence.against().simulator
+    simulator, chain = measured(evidence, bare, (), (PATH, BACKGROUND), by="unit") or (bare, ())
+    twin, found = with_impacts_by_unit(evidence, simulator, chain, ["load_zone"])
+    (zone,) = (effect for effect in found if effect.name == "load_zone")
+    even, turning = (of_state(zone, State("outer", unit)).parameter_values() for unit in ("even", "scattered"))
+    assert turning["rotating"] and turning["depth"] > 0.3
+    assert not even["rotating"] or even["depth"] < 0.3
+    assert unit_distance(evidence, twin, found) < 0.9 * unit_distance(evidence, simulator, chain)
 
 
 def test_bearings_that_are_alike_get_nothing() -> None:

@@ -1,11 +1,11 @@
 """The narrow hump by which the spectra of records differ most from the twin's: a mode that the twin lacks.
 
-log spectra between lines, record less simulation, mean of each state --over their wide median, smoothed by several
-widths, over the scatter of all places--> z of each place in every state --> the highest place, and the best rival
+log spectra between lines, record less simulation, mean of each state --less their median over many bands, smoothed at
+several widths, over the scatter of all places--> z of each place in every state --> highest place, and its best rival
 
-A mode raises all records of every state by as much at one frequency. Bands of the learnt features are wider than a
-lightly damped mode, so that it is a fraction of a decibel there. Errors of calibrated values make humps and dips side
-by side, and wide ones, which the scatter of a width includes.
+A mode raises the spectra of all records by the same amount at one frequency. The bands of other features are wider than
+a lightly damped mode, which raises them by a fraction of a decibel. Errors of calibrated values make humps and dips
+side by side, or wide humps, which count as scatter.
 """
 
 from __future__ import annotations
@@ -33,8 +33,9 @@ it."""
 _ENDS: Final = (0.02, 0.96)
 """Places at which humps are sought, parts of half the sampling rate: beyond, filters end the spectra."""
 _APART: Final = 6
-"""Such deviations from a hump, and `_BANDS_APART` bands, from which another one is a rival."""
 _BANDS_APART: Final = 3
+"""Distance from a hump, in such deviations and bands more, from which another one is a rival. A smaller value takes the
+hump's own flanks for rivals."""
 _NEAR_BANDS: Final = 12
 _NEAR: Final = 0.2
 """Bands about a hump, and part of its place, in which a mode is fitted. Wider ones hold more of what is beside it."""
@@ -50,10 +51,10 @@ _FEWEST: Final = 4
 def compare(real: Sequence[RecordSummary], simulated: Sequence[RecordSummary]) -> dict[str, float]:
     """`NAMES` -> value of records and simulations of the same conditions; NaN with few records, or two sampling rates.
 
-    z of the highest place in the state where it is least, times the root of the number of states; of the best rival, a
-    hump elsewhere or a dip anywhere; place over the sampling rate and damping ratio of the mode that fits it best;
-    height, ln of power; the scatter of that height over records, over its mean; and the place of the highest simulated
-    level, over the sampling rate.
+    z of the highest place: in the state where it is least, times the root of the number of states; z of the best rival,
+    which is a hump elsewhere or a dip anywhere; frequency over the sampling rate, and damping ratio, of the mode that
+    fits the hump best; its height, ln of power; the scatter of the height over records, over its mean; and the
+    frequency of the highest simulated level, over the sampling rate.
     """
     out = dict.fromkeys(NAMES, math.nan)
     theirs = {summary.condition.name: summary for summary in simulated}

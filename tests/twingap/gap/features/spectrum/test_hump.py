@@ -25,11 +25,8 @@ def test_a_weak_mode_is_found_where_it_is(place: float, damping_ratio: float) ->
     found = compared(make_effect("second_resonance", more))
     assert found["hump"] > 6 and found["hump_rival"] < 0.5 * found["hump"]
     assert found["hump_fs"] == pytest.approx(place, rel=0.06)
-    assert (
-        found["hump_damping"] == pytest.approx(damping_ratio, rel=0.6)
-        and found["hump_unsteady"] < 0.7
-        and found["hump_level"] > 0.2
-    )
+    assert found["hump_damping"] == pytest.approx(damping_ratio, rel=0.6)
+    assert found["hump_unsteady"] < 0.7 and found["hump_level"] > 0.2
 
 
 def test_machines_without_a_gap_have_none() -> None:
