@@ -42,3 +42,5 @@ def test_none_is_read_without_impacts_or_off_a_shaft_that_has_many_lines() -> No
     found = [rate_ratio(records(fault, 1.0, strength=0.0, seed=seed), BEARING.fault_order(fault))
              for fault in ("inner", "outer", "ball") for seed in range(30)]  # fmt: skip
     assert np.mean(np.isfinite(found)) <= 0.02
+    # Lines of the shaft at multiples of 5 are no impacts that strike five times a turn.
+    assert np.isnan(rate_ratio(records("outer", 1.0, strength=0.0), 5.03))

@@ -56,13 +56,8 @@ def summarise(record: RecordTransforms) -> RecordSummary:
 
 
 def _between_lines(record: RecordTransforms, white: Whitened) -> Array:
-    """[SMOOTH_SEGMENTS] ln of the level between lines.
-
-    The floor takes the place of strong lines and their skirts; where these fill most of a band, as those of a gear with
-    many side lines do, the level is that of the bands beside it.
-    """
+    """[SMOOTH_SEGMENTS] ln of the level between lines; that of the bands beside it where strong lines fill a band."""
+    logs = np.log(np.maximum(band_medians(record.tones[1:], SMOOTH_SEGMENTS), 1e-300))
     line = maximum_filter1d(white.logs > _STRONG, 2 * _SKIRT + 1)
-    level = np.where(line, np.exp(white.floor_at(np.arange(line.size))), record.tones)
-    logs = np.log(np.maximum(band_medians(level[1:], SMOOTH_SEGMENTS), 1e-300))
     clear = np.flatnonzero(band_medians(line[1:].astype(float), SMOOTH_SEGMENTS) < 0.5)
     return np.interp(np.arange(logs.size), clear, logs[clear]) if clear.size else logs
