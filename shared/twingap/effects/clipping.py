@@ -15,22 +15,21 @@ from twingap.effects.base import Effect, Stage, parameter
 from twingap.effects.draft import Draft
 from twingap.effects.drawing import faults
 from twingap.effects.machine import Machine
+from twingap.effects.observations import Observations
 from twingap.effects.registry import register
 from twingap.records import Record
+from twingap.signal.rails import best_rail, extremes
 
 Array = NDArray[np.float64]
 
-_VISITS: Final = 5
-"""Smallest number of times that a record reaches its extreme if that is a rail. A larger value misses rails that are
-seldom reached."""
-_OVER: Final = 3
-"""Samples on a rail over those on the level next to it. A larger value misses rails of coarse converters."""
-_STRIP: Final = 0.02
-"""Width of the strip inside a rail, as a part of a record's span."""
-_EQUAL: Final = 4e-7
-"""Largest relative difference of equal samples after conversions of unit in single precision."""
+_CERTAIN: Final = 4.0
+_BEYOND_DOUBT: Final = 6.0
+"""Evidence (`signal.rails`) from which records have a rail, and from which that alone is a gap. Smaller values find
+rails that are reached more seldom, and more by chance."""
+_OF_TWIN: Final = 2.0
+"""Evidence from which the twin may have a rail itself. A larger value adds a rail to twins that have one."""
 _SAME_RAIL: Final = 0.01
-"""Largest relative difference of the rails of different records and sides. A larger value takes two rails for one."""
+"""Largest relative difference of the rails of records and sides. A larger value takes two rails for one."""
 
 
 @register
@@ -63,36 +62,31 @@ class Clipping(Effect):
         return {"rail": max(reach * rng.uniform(0.25, 0.9), 1.6)}
 
     @classmethod
+    def certain(cls, seen: Observations) -> bool:
+        """Where records reach one level again and again and never exceed it, and the twin's do not."""
+        return _is_rail(seen, _CERTAIN)
+
+    @classmethod
+    def shows_gap(cls, seen: Observations) -> bool:
+        return _is_rail(seen, _BEYOND_DOUBT)
+
+    @classmethod
     def read_off(cls, records: Iterable[Record], simulated: Iterable[Record]) -> Mapping[str, float]:
         """The rail, where records that reach it agree on it and it is the same on both sides."""
-        rails = np.array([rail for record in records for rail in _rails(np.asarray(record.samples, float))])
-        if not rails.size or np.ptp(rails) > _SAME_RAIL * rails.max():
+        found = [extremes(np.asarray(record.samples, float)) for record in records]
+        sides = [*zip(*found, strict=True), *((extreme,) for both in found for extreme in both)]  # of all, of each
+        rails = [abs(rail.level) for rail in map(best_rail, sides) if rail.evidence >= _CERTAIN]
+        if not rails or max(rails) - min(rails) > _SAME_RAIL * max(rails):
             return {}
-        return {"rail": float(np.median(rails))}
+        return {"rail": float(np.mean(rails))}
 
     def variant(self, machine: Machine, rng: np.random.Generator) -> Effect:
         return UnevenClipping(**self.parameter_values(), lower=rng.uniform(0.6, 1.5))
 
 
-def _rails(x: Array) -> list[float]:
-    """Magnitudes at which a record is cut off: none, one or two.
-
-    A density that falls outwards fills a strip inside an extreme more than the extreme; so do the levels of a coarse
-    converter.
-    """
-    found = []
-    same, strip = _EQUAL * float(np.abs(x).max()), _STRIP * float(np.ptp(x))
-    for side in (x, -x):
-        top = float(side.max())
-        at = side >= top - same
-        visits = int(np.count_nonzero(at[1:] & ~at[:-1]))
-        inside = side[~at & (side >= top - strip)]
-        below = float(side[~at].max(initial=-np.inf))
-        next_level = int(np.count_nonzero(~at & (side >= below - same)))
-        count = int(np.count_nonzero(at))
-        if visits >= _VISITS and count > inside.size and count > _OVER * next_level:
-            found.append(abs(top))
-    return found
+def _is_rail(seen: Observations, least: float) -> bool:
+    evidence, over_twin = (seen.features.get(f"pooled|rail{of}", 0.0) for of in ("", ".diff"))
+    return evidence >= least and evidence - over_twin < _OF_TWIN
 
 
 @dataclass(frozen=True)

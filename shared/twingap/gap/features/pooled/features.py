@@ -1,10 +1,11 @@
-"""Pooled features: lines, impact combs, level trends and a hump over all records, fit and held-out part together.
+"""Pooled features: lines, impact combs, level trends, a hump and a rail over all records of both parts together.
 
-summaries of both parts, measured and simulated --lines of mean spectra, entry-exit combs, trends of levels, hump-->
-features
+summaries of both parts, measured and simulated
+    --lines of mean spectra, entry-exit combs, trends of levels, a hump, a rail--> features
 
 Only features that calibration hardly affects are pooled: no parameter of a twin's baseline produces a line, a trend
-within a fault, or a narrow hump far from its own mode. All other features are compared on one part at a time.
+within a fault, a narrow hump far from its own mode, or a level that is reached again and again and never exceeded. All
+other features are compared on one part at a time.
 """
 
 from __future__ import annotations
@@ -25,6 +26,7 @@ from twingap.gap.features.spectrum import hump
 from twingap.gap.features.spectrum.record_summary import RecordSummary
 from twingap.gap.features.tones import subsynchronous
 from twingap.records import Array
+from twingap.signal.rails import best_rail
 
 
 @dataclass(frozen=True)
@@ -60,6 +62,11 @@ class PooledRecords:
         return np.asarray(np.add.reduceat(np.mean(logs, axis=0), ends[:-1]) / np.diff(ends))
 
     @cached_property
+    def rail(self) -> float:
+        """Evidence of a rail that the records share, see `signal.rails`."""
+        return best_rail([extreme for summary in self.summaries for extreme in summary.extremes]).evidence
+
+    @cached_property
     def impact_spectra(self) -> list[ImpactSpectrum]:
         """Impact spectra of the records with impacts."""
         return [summary.impact_spectrum for summary in self.summaries if summary.impact_spectrum is not None]
@@ -72,7 +79,7 @@ def feature_names() -> Sequence[str]:
         *(f"pooled|{name}" for name in lines.NAMES), *(f"pooled|{name}.diff" for name in lines.NAMES),
         *(f"pooled|{name}" for name in faint.NAMES), *(f"pooled|{name}.diff" for name in faint.NAMES),
         *(f"pooled|{name}" for name in subsynchronous.NAMES), *(f"pooled|{name}.diff" for name in subsynchronous.NAMES),
-        *(f"pooled|{name}" for name in hump.NAMES),
+        *(f"pooled|{name}" for name in hump.NAMES), "pooled|rail", "pooled|rail.diff",
     )  # fmt: skip
 
 
@@ -96,7 +103,8 @@ def compare(real: PooledRecords, simulated: PooledRecords, over: Levels) -> Arra
     theirs = simulated.faint if _has_faint_lines(real.faint) else np.full(len(faint.NAMES), np.nan)
     ours = real.lines, real.lines - simulated.lines, real.faint, real.faint - theirs
     humps = hump.compare(real.summaries, simulated.summaries)
-    return np.concatenate((first, *ours, real.below, real.below - simulated.below, [humps[n] for n in hump.NAMES]))
+    last = [*(humps[name] for name in hump.NAMES), real.rail, real.rail - simulated.rail]
+    return np.concatenate((first, *ours, real.below, real.below - simulated.below, last))
 
 
 def _has_faint_lines(found: Array) -> bool:

@@ -1,6 +1,6 @@
 """Summary of a record: the spectra and levels that measurements over many records need; samples are not kept.
 
-RecordTransforms --smooth spectrum, whitened spectra, spectrum of impacts, RMS--> RecordSummary
+RecordTransforms --smooth spectrum, whitened spectra, spectrum of impacts, RMS, extremes--> RecordSummary
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ from scipy.ndimage import maximum_filter1d
 from twingap.gap.features.impacts.impulse_response import ImpactSpectrum, impact_spectrum
 from twingap.gap.features.tones.whitened_spectra import Whitened, whiten
 from twingap.records import Array, Condition
+from twingap.signal.rails import Extreme, extremes
 from twingap.signal.record_transforms import SMOOTH_SEGMENTS, Frame, RecordTransforms, band_medians
 
 _STRONG: Final = 3.5
@@ -27,7 +28,7 @@ class RecordSummary(NamedTuple):
 
     `smooth` [record_transforms.SMOOTH_SEGMENTS] is a power density, unit^2 / Hz; `between_log` [as many] is ln of the
     level between lines (Hann), unit^2, into which strong lines do not leak; `whitened` is for lines in means over
-    records; `rms` is about the mean, in the unit of the records.
+    records; `rms` is about the mean, in the unit of the records; `extremes` are the highest and the lowest level.
     """
 
     condition: Condition
@@ -38,6 +39,7 @@ class RecordSummary(NamedTuple):
     whitened: Whitened
     impact_spectrum: ImpactSpectrum | None
     rms: float
+    extremes: tuple[Extreme, Extreme]
 
 
 def log_bands(record: RecordSummary, bands: int) -> Array:
@@ -51,7 +53,7 @@ def summarise(record: RecordTransforms) -> RecordSummary:
     white = whiten(record)
     return RecordSummary(
         record.condition, record.frame, record.fs_hz, record.smooth, _between_lines(record, white), white,
-        impact_spectrum(record), float(np.std(record.x)),
+        impact_spectrum(record), float(np.std(record.x)), extremes(record.x),
     )  # fmt: skip
 
 
