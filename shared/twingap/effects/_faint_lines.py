@@ -14,7 +14,9 @@ _LEAD: Final = 1.95
 _OF_TWIN: Final = 0.5
 """Part of z, and of the lead, from which the twin has these lines too. A larger value takes weaker lines of the twin
 for missing ones."""
-
+_OF_WAVEFORM: Final = 0.25
+"""The same part of z for finished waveforms, which may hold as faint lines as the records do: then chance makes z of
+both differ. A larger value takes these for missing lines more often."""
 
 _CLEAR: Final = math.log1p(6.0)
 """Compressed z from which lines are clear without a search for faint ones. A smaller value takes lines by chance for
@@ -34,8 +36,11 @@ def lacks_faint_lines(seen: Observations, kind: str, least: float, clear: str = 
     z, rival = seen.features.get(name, math.nan), seen.features.get(f"{name}_rival", math.nan)
     if not (z >= least and z >= rival + _LEAD):
         return False
-    theirs = z - seen.features.get(f"{name}.diff", math.nan)
+    # Faint lines of the twin's need not stand out in every state, as those of the records have to.
+    own = f"{name}_any" if f"{name}_any" in seen.features else name
+    theirs = seen.features.get(own, math.nan) - seen.features.get(f"{own}.diff", math.nan)
     their_rival = rival - seen.features.get(f"{name}_rival.diff", math.nan)
     # The best of many places has a large z by chance; lines at known places have not.
-    sought = kind == SIDES and not theirs > their_rival + _OF_TWIN * _LEAD
-    return sought or not theirs > _OF_TWIN * z
+    if kind == SIDES:
+        return not theirs > max(their_rival + _OF_TWIN * _LEAD, _OF_TWIN * z)
+    return not theirs > (_OF_TWIN if seen.own_mode is not None else _OF_WAVEFORM) * z

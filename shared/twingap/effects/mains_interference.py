@@ -62,6 +62,7 @@ class MainsInterference(HarmonicSeries):
     look_alikes: ClassVar[tuple[str, ...]] = ("drive_interference", "shaft_harmonics", "looseness")
     deciding_measurement: ClassVar[str] = measurements.OTHER_SPEED
     features: ClassVar[tuple[str, ...]] = TONES
+    turns: ClassVar[bool] = False
     most_harmonics: ClassVar[int] = 20
     regular: ClassVar[frozenset[str]] = frozenset(["decay", "n_harmonics"])
 

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import ClassVar, Final
+from dataclasses import dataclass, replace
+from typing import ClassVar, Final, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +17,7 @@ from twingap.effects._tones import UnevenHarmonics, add_harmonics, speed_depende
 from twingap.effects.base import Effect, Stage, parameter
 from twingap.effects.draft import Draft
 from twingap.effects.drawing import tone_level
+from twingap.effects.harmonic_series import MeasuredLines
 from twingap.effects.machine import Machine
 from twingap.effects.observations import Observations
 from twingap.effects.registry import register
@@ -29,11 +30,13 @@ _BEYOND_DOUBT: Final = 6.0
 """The same where nothing else shows a gap. A smaller value finds fainter lines, and gives more false alarms."""
 _HALF_ORDERS: Final = 4.0
 """z of half orders from which whole orders are those of a loose part. A larger value takes them for the shaft's."""
+_UNSEEN: Final = 1e-3
+"""Amplitude, healthy rms, of a harmonic that records do not show: levels are positive."""
 
 
 @register
 @dataclass(frozen=True)
-class ShaftHarmonics(Effect):
+class ShaftHarmonics(MeasuredLines):
     """Tones at 1, 2 and 3 times shaft speed (unbalance, misalignment): they survive synchronous averaging.
 
     Phases are random from record to record, since records start at no particular shaft angle.
@@ -45,6 +48,7 @@ class ShaftHarmonics(Effect):
     look_alikes: ClassVar[tuple[str, ...]] = ("looseness", "gear_mesh", "mains_interference")
     deciding_measurement: ClassVar[str] = measurements.OTHER_SPEED
     features: ClassVar[tuple[str, ...]] = TONES
+    most_harmonics: ClassVar[int] = 3
 
     level_1x: float = parameter(
         0.5, unit="healthy rms", plausible=(0.02, 5.0), log=True, doc="amplitude at shaft speed (unbalance)"
@@ -60,6 +64,13 @@ class ShaftHarmonics(Effect):
     def levels(self) -> Array:
         """[3] Amplitude of each, healthy rms."""
         return np.array([self.level_1x, self.level_2x, self.level_3x])
+
+    def at_levels(self, levels: Array) -> Self:
+        found = {f"level_{k}x": max(float(level), _UNSEEN) for k, level in enumerate(levels, start=1)}
+        return replace(self, **found)
+
+    def base_hz(self, draft: Draft) -> float:
+        return draft.shaft_hz
 
     def apply(self, draft: Draft, rng: np.random.Generator) -> None:
         add_harmonics(draft, draft.turns, draft.shaft_hz, self.levels, rng.random(3))

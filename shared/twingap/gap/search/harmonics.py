@@ -10,13 +10,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import replace
 from typing import Final
 
 import numpy as np
+from scipy.stats import t as student
 
 from twingap.effects import Draft, Effect, MeanSlip
-from twingap.effects.harmonic_series import HarmonicSeries
+from twingap.effects.harmonic_series import MeasuredLines
 from twingap.gap.search.evidence import Evidence
 from twingap.records import Array, Condition, Record
 from twingap.signal.record_transforms import tone_spectrum
@@ -25,20 +25,23 @@ from twingap.twins.simulator import Simulator
 Chain = tuple[Effect, ...]
 
 _SPREAD: Final = 0.004
-"""Half width of a line over its frequency, as speeds vary within a record and have errors. A larger value includes
-neighbours; a smaller one loses part of lines that move."""
+"""Half width of a line of the shaft over its frequency, as speeds vary within a record and have errors. A larger value
+includes neighbours; a smaller one loses part of lines that move."""
 _LOBE: Final = 2
 """Bins on either side of a line of constant frequency."""
 _SIDE: Final = 30
 """Bins on either side from which the noise beside a line is estimated. Fewer are less certain."""
 _APART: Final = 0.4
 """Largest half width over the distance of the next line."""
-_SURE: Final = 3.0
-"""Standard errors by which the power of a harmonic exceeds 0 where it is there."""
-_OTHER: Final = 4
-"""Replicate of the twin that is measured."""
-_FUNDAMENTAL: Final = 0.3
-"""Amplitude of the first harmonic, over the level so far, from which it is the level."""
+_BY_CHANCE: Final = 0.1
+"""Probability that noise alone makes the series longer. A larger value finds weaker harmonics at its end."""
+_LIKELY: Final = 1.0
+"""Standard errors by which the power of the harmonics before the last exceeds 0. Larger, and weak ones are left out."""
+_OUTLIER: Final = 2.0
+"""Standard deviations from the median over records at which a record's power is capped. A larger value lets single
+records decide."""
+_OTHERS: Final = (4, 5, 6)
+"""Replicates of the twin that are measured. More measure fainter lines, and take longer."""
 
 
 def with_measured_harmonics(
@@ -46,48 +49,47 @@ def with_measured_harmonics(
 ) -> tuple[Simulator, Chain] | None:
     """The twin, harmonics of its series with the amplitudes of the fit part; None without a series."""
     chain = tuple(effects)
-    series = [effect for effect in chain if isinstance(effect, HarmonicSeries)]
+    series = [effect for effect in chain if isinstance(effect, MeasuredLines)]
     if not series:
         return None
     fit = evidence.calibrated.fit
-    made = evidence.simulated(simulator, chain, fit.conditions, _OTHER)
+    made = [evidence.simulated(simulator, chain, fit.conditions, replicate) for replicate in _OTHERS]
     drafts = [_draft(evidence, chain, c) for c in fit.conditions]
-    real, simulated = (
+    real, *simulated = (
         [_powers(record, draft, series) for record, draft in zip(records, drafts, strict=True)]
-        for records in (fit, made)
+        for records in (fit, *made)
     )
     for place, effect in enumerate(series):
-        more = np.array([own[place] - other[place] for own, other in zip(real, simulated, strict=True)])
+        own, *others = ([record[place] for record in of] for of in (real, *simulated))
+        more = np.array(own) - np.mean(others, axis=0)
         found = _measured(effect, more, simulator.reference_rms)
         chain = tuple(found if one is effect else one for one in chain)
     return evidence.with_values(simulator, chain), chain
 
 
-def _measured(effect: HarmonicSeries, more: Array, reference_rms: float) -> HarmonicSeries:
+def _measured(effect: MeasuredLines, more: Array, reference_rms: float) -> MeasuredLines:
     """The series with the amplitudes that leave no more power in the records than in the twin.
 
     `more` [records, harmonics] are squared amplitudes of the records' lines less those of the twin's, NaN where a
     record does not have the line.
     """
-    level: float = effect.level  # type: ignore[attr-defined]
     own = np.zeros(more.shape[1])
     levels = effect.levels[: own.size]
     own[: levels.size] = np.square(levels * reference_rms)
-    seen = np.isfinite(more).sum(axis=0) > 0
-    with np.errstate(all="ignore"):
-        change = np.where(seen, np.nanmedian(np.where(seen, more, 0.0), axis=0), 0.0)
-        spread = 1.4826 * np.nanmedian(np.abs(np.where(seen, more, 0.0) - change), axis=0)
-    error = 1.25 * spread / np.sqrt(np.maximum(np.isfinite(more).sum(axis=0), 1))
-    power = own + change
-    power = np.where(seen, np.where(power > _SURE * error, power, 0.0), own)
-    amplitudes = np.sqrt(np.maximum(power, 0.0)) / (level * reference_rms)
-    there = np.flatnonzero(amplitudes)
-    if not there.size:
-        return effect
-    amplitudes = amplitudes[: there[-1] + 1]
-    if amplitudes[0] > _FUNDAMENTAL:
-        level, amplitudes = level * float(amplitudes[0]), amplitudes / amplitudes[0]
-    return replace(effect, level=level, amplitudes=tuple(float(f"{a:.6g}") for a in amplitudes))  # type: ignore[call-arg]
+    count = np.isfinite(more).sum(axis=0)
+    seen = count > 0
+    power, error = own.copy(), np.zeros(own.size)
+    if seen.any():
+        values = more[:, seen]
+        middle = np.nanmedian(values, axis=0)
+        spread = 1.4826 * np.nanmedian(np.abs(values - middle), axis=0)
+        power[seen] += np.nanmean(np.clip(values, middle - _OUTLIER * spread, middle + _OUTLIER * spread), axis=0)
+        error[seen] = spread / np.sqrt(count[seen])
+    sure = student.isf(_BY_CHANCE / max(int(np.count_nonzero(seen)), 1), np.maximum(count - 1, 1))
+    last = int(np.max(np.flatnonzero(seen & (power > sure * error)), initial=-1))
+    there = (power > _LIKELY * error) & (np.arange(own.size) <= last)
+    found = np.sqrt(np.where(seen & ~there, 0.0, np.maximum(power, 0.0))) / reference_rms
+    return effect.at_levels(found) if found.any() else effect
 
 
 def _draft(evidence: Evidence, chain: Chain, condition: Condition) -> Draft:
@@ -101,7 +103,7 @@ def _draft(evidence: Evidence, chain: Chain, condition: Condition) -> Draft:
     return draft
 
 
-def _powers(record: Record, draft: Draft, series: Iterable[HarmonicSeries]) -> list[Array]:
+def _powers(record: Record, draft: Draft, series: Iterable[MeasuredLines]) -> list[Array]:
     """[series][harmonics] Squared amplitudes of the lines above the noise beside them, NaN beyond the spectrum."""
     c = record.condition
     bin_hz = c.fs_hz / c.n_samples
@@ -110,12 +112,12 @@ def _powers(record: Record, draft: Draft, series: Iterable[HarmonicSeries]) -> l
     return [np.array(list(_lines(power, effect, draft, bin_hz))) * (2 / 1.5) for effect in series]
 
 
-def _lines(power: Array, effect: HarmonicSeries, draft: Draft, bin_hz: float) -> Iterator[float]:
+def _lines(power: Array, effect: MeasuredLines, draft: Draft, bin_hz: float) -> Iterator[float]:
     base_hz = effect.base_hz(draft)
     next_hz = min(base_hz, draft.shaft_hz) if effect.spaced_by_shaft else base_hz
     for number in range(1, effect.most_harmonics + 1):
         place, most = number * base_hz / bin_hz, int(_APART * next_hz / bin_hz)
-        half = min(_LOBE + math.ceil(_SPREAD * place), most)
+        half = min(_LOBE + math.ceil(_SPREAD * place if effect.turns else 0.0), most)
         low, high = round(place) - half, round(place) + half + 1
         if half < _LOBE or low < 1 or high >= power.size:
             yield math.nan

@@ -68,6 +68,28 @@ def test_amplitudes_are_those_of_the_records(name: str) -> None:
     assert evidence.misfit(twin, (effect,)) < 0.7 * evidence.misfit(simulator, chain)
 
 
+def test_amplitudes_of_the_shaft_are_those_of_the_records() -> None:
+    true: Any = make_effect("shaft_harmonics", {"level_1x": 0.1, "level_2x": 0.5, "level_3x": 0.06})
+    evidence = evidence_of(true)
+    chain = (make_effect("shaft_harmonics"),)
+    simulator = evidence.against(chain).simulator
+    found = with_measured_harmonics(evidence, simulator, chain)
+    assert found is not None
+    twin, (effect,) = found
+    wanted = np.asarray(true.levels) * PhenomenologicalTwin(BEARINGS["6205"], OWN, (true,)).reference_rms
+    np.testing.assert_allclose(absolute(evidence, effect, twin), wanted, rtol=0.15)
+
+
+def test_a_weak_harmonic_of_the_mains_between_stronger_ones_is_measured() -> None:
+    true: Any = make_effect("mains_interference", {"level": 0.2, "mains_hz": 50.0, "amplitudes": (1.0, 0.0, 0.2, 0.7)})
+    evidence = evidence_of(true)
+    chain = (wrong("mains_interference"),)
+    simulator = evidence.against(chain).simulator
+    twin, (effect,) = with_measured_harmonics(evidence, simulator, chain) or (simulator, chain)
+    wanted = np.asarray(true.levels) * PhenomenologicalTwin(BEARINGS["6205"], OWN, (true,)).reference_rms
+    np.testing.assert_allclose(absolute(evidence, effect, twin)[2:4], wanted[2:], rtol=0.3)
+
+
 def test_a_chain_without_a_series_has_nothing_to_measure() -> None:
     clipping = make_effect("clipping")
     evidence = evidence_of()

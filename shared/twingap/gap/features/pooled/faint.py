@@ -17,7 +17,8 @@ KINDS: Final = ("sides", "mains", "shaft")
 NAMES: Final = (
     *(f"faint_{kind}{part}" for kind in KINDS for part in ("", "_rival")),
     "faint_sides_fs", "faint_sides_order", "faint_sides_own", "faint_sides_level", "faint_sides_own_level",
-    "faint_mains_hz", "faint_mains_level", "faint_shaft_half", *(f"faint_shaft_level_{k}" for k in (1, 2, 3)),
+    "faint_mains_hz", "faint_mains_level", "faint_shaft_half", "faint_shaft_any",
+    *(f"faint_shaft_level_{k}" for k in (1, 2, 3)),
 )  # fmt: skip
 _LOOSE: Final = 4.0
 """z of half orders from which they are left out of the spectra that a hum is sought in. A larger value finds fainter
@@ -28,8 +29,8 @@ def measure(records: Sequence[Whitened], scale: float) -> dict[str, float]:
     """`NAMES` -> value of a set of records; NaN where lines cannot be sought.
 
     Of each kind: z, and z of the best lines that are none. Of side lines: logarithm of the carrier over the sampling
-    rate, shaft orders between, z of a line at the carrier. Of the shaft: z of half orders. Of all: ln of amplitudes
-    over `scale`.
+    rate, shaft orders between, z of a line at the carrier. Of the shaft: z of half orders, and z of whole ones that may
+    be in a part of the records alone. Of all: ln of amplitudes over `scale`.
     """
     out = dict.fromkeys(NAMES, math.nan)
     spectra = FineSpectra.of(records)
@@ -45,6 +46,7 @@ def measure(records: Sequence[Whitened], scale: float) -> dict[str, float]:
         }  # fmt: skip
     if (shaft := faint_harmonics.strongest(spectra)) is not None:
         out |= {"faint_shaft": shaft.z, "faint_shaft_rival": shaft.rival_z, "faint_shaft_half": shaft.half_z}
+        out["faint_shaft_any"] = shaft.any_z
         out |= {f"faint_shaft_level_{k}": level - unit for k, level in enumerate(shaft.level_logs, start=1)}
     loose = shaft is None or not shaft.half_z < _LOOSE
     if (mains := faint_mains.strongest(spectra, half_orders=loose)) is not None:

@@ -44,6 +44,7 @@ class FaintHarmonics(NamedTuple):
     z: float
     half_z: float  # of the first half orders, likewise; NaN where lines of the mains hide them
     rival_z: float  # of the best orders between whole and half ones
+    any_z: float  # of lines that need not be in the records of every state and at every speed
     level_logs: tuple[float, float, float]  # ln of the amplitudes of the first three orders, unit of the records
 
 
@@ -62,17 +63,20 @@ def strongest(spectra: FineSpectra) -> FaintHarmonics | None:
         count = np.isfinite(power[kept]).sum(axis=0)
         return np.nansum(power[kept], axis=0) / spread / np.sqrt(np.maximum(count, 1)), count
 
-    z, count = spectra.shared_z(of)
+    *both, count = spectra.shared_z(of)
     known = count > _LEAST * len(spectra.records)
-    z = np.where(known, np.clip(z, -2.0, _MOST), 0.0)
-    scores = np.max([z[:, np.array(some) - 1].sum(axis=1) / math.sqrt(len(some)) for some in _TOGETHER], axis=0)
+    z, whole = (np.where(known, np.clip(found, -2.0, _MOST), 0.0) for found in both)
+    scores, at_most = (
+        np.max([found[:, np.array(some) - 1].sum(axis=1) / math.sqrt(len(some)) for some in _TOGETHER], axis=0)
+        for found in (z, whole)
+    )
     levels = [
         spectra.level_log([_highest(record, order * record.shaft_hz) for record in spectra.records])
         for order in (1, 2, 3)
     ]
     return FaintHarmonics(
         float(scores[0]), float(scores[-1]) if known[-1].sum() >= _FEWEST_HALF else math.nan,
-        float(scores[1:-1].max()), (levels[0], levels[1], levels[2]),
+        float(scores[1:-1].max()), float(at_most[0]), (levels[0], levels[1], levels[2]),
     )  # fmt: skip
 
 

@@ -66,7 +66,7 @@ def strongest(spectra: FineSpectra, half_orders: bool = True) -> FaintMains | No
         mean = power[kept].sum(axis=0) / np.maximum(count, 1)
         return (above_both_sides(np.maximum(mean, _FLOOR)) - 1) * np.sqrt(count) / _SPREAD, count
 
-    z, count = spectra.shared_z(of)
+    z, _, count = spectra.shared_z(of)
     z[count < _LEAST * len(spectra.records)] = 0.0
     z /= max(1.4826 * float(medians(np.abs(z - medians(z)))), 1.0)
     scores = [_score(z, mains_hz / step_hz) for mains_hz in (50.0, 60.0)]

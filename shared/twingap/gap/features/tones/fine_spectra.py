@@ -60,16 +60,18 @@ class FineSpectra(NamedTuple):
         )
         return np.stack([_read(record, places_hz) for record in self.records])
 
-    def shared_z(self, z_of: Callable[[Mask], tuple[Array, Array]]) -> tuple[Array, Array]:
-        """z of lines in all records together, less where it falls when a group is left out, and numbers of records.
+    def shared_z(self, z_of: Callable[[Mask], tuple[Array, Array]]) -> tuple[Array, Array, Array]:
+        """z of lines in all records together, less where it falls when a group is left out; z as it is; and numbers of
+        records.
 
         `z_of` gives z and the number of records that it is from, for some of the records [records].
         """
-        z, count = z_of(np.ones(len(self.records), bool))
+        whole, count = z_of(np.ones(len(self.records), bool))
+        z = whole
         for group in self.groups:
             rest, kept = z_of(~group)
             z = np.minimum(z, _SHARE * rest * np.sqrt(count / np.maximum(kept, 1)))
-        return z, count
+        return z, whole, count
 
     def level_log(self, bins: Sequence[NDArray[np.int64]]) -> float:
         """ln of the amplitude of a line in these fine bins of each record, unit of the records."""
