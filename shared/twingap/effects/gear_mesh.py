@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
-from typing import ClassVar
+from typing import ClassVar, Final, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +24,10 @@ from twingap.effects.observations import Observations
 from twingap.effects.registry import register
 
 Array = NDArray[np.float64]
+
+
+_FEWEST_TEETH: Final = 8
+"""Of a gear whose mesh harmonics are measured. A smaller value takes harmonics of the shaft for those of a mesh."""
 
 
 @register
@@ -67,6 +71,14 @@ class GearMesh(HarmonicSeries):
 
     def base_hz(self, draft: Draft) -> float:
         return self.teeth * draft.shaft_hz
+
+    def lower(self) -> Iterator[Self]:
+        """Gears of a half or a third of the teeth, whose second or third harmonic stands out more than the first."""
+        for part in (2, 3):
+            if self.teeth % part == 0 and self.teeth // part >= _FEWEST_TEETH:
+                levels = np.zeros(part * self.levels.size)
+                levels[part - 1 :: part] = self.levels
+                yield replace(self, teeth=self.teeth // part).at_levels(levels)
 
     def apply(self, draft: Draft, rng: np.random.Generator) -> None:
         levels = draft.reference_rms * self.levels

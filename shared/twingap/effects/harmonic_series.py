@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import ClassVar, Final, Self
 
@@ -40,6 +41,10 @@ class MeasuredLines(Effect):
     @abstractmethod
     def base_hz(self, draft: Draft) -> float:
         """Frequency of the first harmonic at the mean speed of a draft, Hz."""
+
+    def lower(self) -> Iterator[Self]:
+        """The same lines as higher harmonics of other series, whose first one may not stand out. None by default."""
+        yield from ()
 
 
 @dataclass(frozen=True)

@@ -35,6 +35,8 @@ _APART: Final = 0.4
 """Largest half width over the distance of the next line."""
 _BY_CHANCE: Final = 0.1
 """Probability that noise alone makes the series longer. A larger value finds weaker harmonics at its end."""
+_BEYOND_DOUBT: Final = 0.001
+"""The same probability for the first harmonic of a series with a lower one. A larger value takes other lines for it."""
 _LIKELY: Final = 1.0
 """Standard errors by which the power of the harmonics before the last exceeds 0. Larger, and weak ones are left out."""
 _OUTLIER: Final = 2.0
@@ -49,9 +51,11 @@ def with_measured_harmonics(
 ) -> tuple[Simulator, Chain] | None:
     """The twin, harmonics of its series with the amplitudes of the fit part; None without a series."""
     chain = tuple(effects)
-    series = [effect for effect in chain if isinstance(effect, MeasuredLines)]
-    if not series:
+    own = [effect for effect in chain if isinstance(effect, MeasuredLines)]
+    if not own:
         return None
+    families = [(effect, *effect.lower()) for effect in own]
+    series = [effect for family in families for effect in family]
     fit = evidence.calibrated.fit
     made = [evidence.simulated(simulator, chain, fit.conditions, replicate) for replicate in _OTHERS]
     drafts = [_draft(evidence, chain, c) for c in fit.conditions]
@@ -59,16 +63,21 @@ def with_measured_harmonics(
         [_powers(record, draft, series) for record, draft in zip(records, drafts, strict=True)]
         for records in (fit, *made)
     )
+    found = []
     for place, effect in enumerate(series):
-        own, *others = ([record[place] for record in of] for of in (real, *simulated))
-        more = np.array(own) - np.mean(others, axis=0)
-        found = _measured(effect, more, simulator.reference_rms)
-        chain = tuple(found if one is effect else one for one in chain)
+        ours, *theirs = ([record[place] for record in of] for of in (real, *simulated))
+        found.append(_measured(effect, np.array(ours) - np.mean(theirs, axis=0), simulator.reference_rms))
+    for effect, *lower in families:
+        (measured, _), *others = found[: 1 + len(lower)]
+        del found[: 1 + len(lower)]
+        measured = next((other for other, has_first in reversed(others) if has_first), measured)
+        chain = tuple(measured if one is effect else one for one in chain)
     return evidence.with_values(simulator, chain), chain
 
 
-def _measured(effect: MeasuredLines, more: Array, reference_rms: float) -> MeasuredLines:
-    """The series with the amplitudes that leave no more power in the records than in the twin.
+def _measured(effect: MeasuredLines, more: Array, reference_rms: float) -> tuple[MeasuredLines, bool]:
+    """The series with the amplitudes that leave no more power in the records than in the twin, and whether its first
+    harmonic is there beyond doubt.
 
     `more` [records, harmonics] are squared amplitudes of the records' lines less those of the twin's, NaN where a
     record does not have the line.
@@ -89,7 +98,8 @@ def _measured(effect: MeasuredLines, more: Array, reference_rms: float) -> Measu
     last = int(np.max(np.flatnonzero(seen & (power > sure * error)), initial=-1))
     there = (power > _LIKELY * error) & (np.arange(own.size) <= last)
     found = np.sqrt(np.where(seen & ~there, 0.0, np.maximum(power, 0.0))) / reference_rms
-    return effect.at_levels(found) if found.any() else effect
+    first = bool(seen[0] and power[0] > student.isf(_BEYOND_DOUBT, max(int(count[0]) - 1, 1)) * error[0])
+    return (effect.at_levels(found) if found.any() else effect), first
 
 
 def _draft(evidence: Evidence, chain: Chain, condition: Condition) -> Draft:

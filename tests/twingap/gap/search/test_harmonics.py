@@ -90,6 +90,22 @@ def test_a_weak_harmonic_of_the_mains_between_stronger_ones_is_measured() -> Non
     np.testing.assert_allclose(absolute(evidence, effect, twin)[2:4], wanted[2:], rtol=0.3)
 
 
+@pytest.mark.parametrize("part", [2, 3])
+def test_a_mesh_whose_second_or_third_harmonic_stands_out_has_its_teeth(part: int) -> None:
+    strongest = tuple(float(k == part) + 0.3 for k in range(1, 4))
+    evidence = evidence_of(make_effect("gear_mesh", {**SERIES["gear_mesh"], "amplitudes": strongest}))
+    chain = (make_effect("gear_mesh", {"teeth": part * 17, "level": 0.5}),)
+    _, (effect,) = with_measured_harmonics(evidence, evidence.against(chain).simulator, chain) or (None, chain)
+    assert effect.parameter_values()["teeth"] == 17
+
+
+def test_a_mesh_keeps_its_teeth_where_no_lower_harmonic_is_there() -> None:
+    evidence = evidence_of(make_effect("gear_mesh", {**SERIES["gear_mesh"], "teeth": 48}))
+    chain = (make_effect("gear_mesh", {"teeth": 48, "level": 0.5}),)
+    _, (effect,) = with_measured_harmonics(evidence, evidence.against(chain).simulator, chain) or (None, chain)
+    assert effect.parameter_values()["teeth"] == 48
+
+
 def test_a_chain_without_a_series_has_nothing_to_measure() -> None:
     clipping = make_effect("clipping")
     evidence = evidence_of()
