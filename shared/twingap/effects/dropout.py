@@ -28,6 +28,9 @@ _BY_CHANCE: Final = 0.01
 """Number of runs of equal samples in a record that chance may make of the shortest that counts as a gap."""
 _LONGEST_COUNTED: Final = 12
 """Repeats up to which runs made by chance are counted."""
+_ZERO: Final = 0.05
+"""Median level of gaps, over the standard deviation of the record, below which they are filled with zeros: those of a
+record without its mean are near zero."""
 _USUAL: Final = 0.005
 """Runs over samples from which they are made by chance. A smaller value takes frequent gaps for these."""
 
@@ -35,9 +38,9 @@ _USUAL: Final = 0.005
 @register
 @dataclass(frozen=True)
 class Dropout(Effect):
-    """Missing stretches: a Poisson process of gaps of random (exponential) length, filled with the last good sample.
+    """Missing stretches: a Poisson process of gaps of random (exponential) length.
 
-    A gap may reach beyond the record's end.
+    They are filled with the last good sample, or with zeros. A gap may reach beyond the record's end.
     """
 
     stage: ClassVar[Stage] = Stage.ACQUISITION
@@ -56,6 +59,10 @@ class Dropout(Effect):
     length_s: float = parameter(
         0.005, unit="s", plausible=(0.0005, 0.05), allowed=(0, 1e3), log=True, doc="mean length of a gap"
     )
+    zeros: bool = parameter(
+        False, unit="", plausible=(0, 1), allowed=(0, 1), fitted=False, searched=False,
+        doc="whether gaps are filled with zeros, not with the last good sample",
+    )  # fmt: skip
 
     def apply(self, draft: Draft, rng: np.random.Generator) -> None:
         n, fs_hz = draft.x.size, draft.condition.fs_hz
@@ -72,6 +79,8 @@ class Dropout(Effect):
         draft.x = self._filled(draft.x, missing)
 
     def _filled(self, x: Array, missing: NDArray[np.bool_]) -> Array:
+        if self.zeros:
+            return np.where(missing, 0.0, x)
         return np.asarray(x[np.maximum.accumulate(np.where(missing, 0, np.arange(x.size)))])
 
     @classmethod
@@ -80,23 +89,26 @@ class Dropout(Effect):
 
     @classmethod
     def read_off(cls, records: Iterable[Record], simulated: Iterable[Record]) -> Mapping[str, float]:
-        """Rate and mean length of runs of equal samples, where records have several and the twin has none.
+        """Rate, mean length and filling of runs of equal samples, where records have several and the twin has none.
 
         Runs shorter than chance makes them are not seen; lengths are exponential, so that their excess over any length
         has the same mean, and the number of all follows from that.
         """
-        found, seconds, shortest = [], 0.0, 0.0
+        found, levels, seconds, shortest = [], [], 0.0, 0.0
         for record in records:
-            runs, least = _gaps(np.asarray(record.samples, float))
+            x = np.asarray(record.samples, float)
+            starts, runs, least = _gaps(x)
+            levels.append(np.abs(x[starts]) / max(float(x.std()), 1e-300))
             found.append((runs - least + 1) / record.condition.fs_hz)
             shortest = max(shortest, (least - 1) / record.condition.fs_hz)
             seconds += record.condition.duration_s
         excess = np.concatenate(found) if found else np.zeros(0)
-        if excess.size < _FEWEST or any(_gaps(np.asarray(r.samples, float))[0].size for r in simulated):
+        if excess.size < _FEWEST or any(_gaps(np.asarray(r.samples, float))[1].size for r in simulated):
             return {}
         length_s = float(excess.mean())
         rate_hz = excess.size / seconds * math.exp(min(shortest / length_s, 1.0))
-        return {"rate_hz": rate_hz, "length_s": length_s}
+        zeros = bool(np.median(np.concatenate(levels)) < _ZERO)
+        return {"rate_hz": rate_hz, "length_s": length_s, "zeros": zeros}
 
     def variant(self, machine: Machine, rng: np.random.Generator) -> Effect:
         return ZeroFilledDropout(**self.parameter_values())
@@ -104,14 +116,14 @@ class Dropout(Effect):
 
 @dataclass(frozen=True)
 class ZeroFilledDropout(Dropout):
-    """Gaps that are filled with zeros."""
+    """Gaps that are filled with zeros, as the other form that is learnt from."""
 
     def _filled(self, x: Array, missing: NDArray[np.bool_]) -> Array:
         return np.where(missing, 0.0, x)
 
 
-def _gaps(x: Array) -> tuple[NDArray[np.int64], int]:
-    """Numbers of samples that repeat the one before, of each run of equal samples that is no chance, and the least.
+def _gaps(x: Array) -> tuple[NDArray[np.int64], NDArray[np.int64], int]:
+    """First sample of each run of equal samples that is no chance, number of its repeats, and the least such number.
 
     Runs at the extremes are those of a rail.
     """
@@ -124,4 +136,5 @@ def _gaps(x: Array) -> tuple[NDArray[np.int64], int]:
     usual = [after / before for before, after in pairwise(longer) if before > _USUAL * x.size]
     goes_on = min(max(usual, default=0.0), 0.99)
     least = 2 + math.ceil(math.log(_BY_CHANCE / x.size) / math.log(max(goes_on, 1e-6)))
-    return lengths[off_rails & (lengths >= least)], least
+    gaps = off_rails & (lengths >= least)
+    return starts[gaps], lengths[gaps], least

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from twingap.effects import Clipping, Dropout, Quantisation
-from twingap.effects.dropout import ZeroFilledDropout
 from twingap.effects.quantisation import MidRiseQuantisation
 from twingap.records import Record
 
@@ -77,10 +76,11 @@ def of(lab: Any, *effects: Any, count: int = 12) -> list[Record]:
 @pytest.mark.parametrize("others", [(), (Clipping(rail=2.0),), (Quantisation(step=0.5),)])
 def test_gaps_are_read_off_the_records(lab: Any, others: tuple[Any, ...]) -> None:
     bare, missing = of(lab, count=2), Dropout(rate_hz=6.0, length_s=0.008)
-    for gaps in (missing, ZeroFilledDropout(**missing.parameter_values())):
+    for gaps in (missing, replace(missing, zeros=True)):
         found = Dropout.read_off(of(lab, gaps, *others), bare)
         assert found["rate_hz"] == pytest.approx(6.0, rel=0.2)
         assert found["length_s"] == pytest.approx(0.008, rel=0.2)
+        assert found["zeros"] == gaps.zeros
     assert not Dropout.read_off(of(lab, missing, *others), of(lab, missing)), "the twin has it"
 
 
