@@ -57,7 +57,7 @@ class DistributedRoughness(Effect):
 
     def apply(self, draft: Draft, rng: np.random.Generator) -> None:
         if draft.excitation == "waveform":
-            rough = self._through(draft.impact_response(), draft, rng)
+            rough = self._through(draft.force_response(), draft, rng)
             draft.filters.append(lambda x: x + rough[-x.size :])
             return
         force = rng.standard_normal(draft.t.size)
@@ -82,7 +82,7 @@ class DistributedRoughness(Effect):
         return 1 + self.depth * cosine(turns)
 
     def cannot_act_on(self, draft: Draft) -> str | None:
-        if draft.excitation == "waveform" and draft.impact_response() is None:
+        if draft.excitation == "waveform" and draft.force_response() is None:
             return "a finished waveform has no path that a force could pass through"
         return None
 

@@ -117,6 +117,8 @@ class Draft:
         Factor on the noises that the twin has of its own; below 1 where an effect brings noise in their place.
     impact_response : callable
         Finished waveforms: the simulator's response to one impact, see `impact_train.response_of`; None where unknown.
+    force_response : callable
+        Finished waveforms: the same, or one with its power alone, see `force_response`; None where unknown.
     x : Array [samples]
         The waveform. Before the path has acted it is empty, except for simulators that make all of it.
     """
@@ -140,6 +142,7 @@ class Draft:
     sensed_noise: list[tuple[float, Callable[[Array], Array]]] = field(default_factory=list)
     own_noise: float = 1.0
     impact_response: Callable[[], Array | None] = lambda: None
+    force_response: Callable[[], Array | None] = lambda: None
     x: Array = field(default_factory=lambda: np.empty(0))
 
     @property

@@ -83,7 +83,7 @@ class ForeignBearing(Effect):
         if self.own_path and draft.excitation == "impacts":
             modes = draft.modes
         elif self.own_path:
-            response = draft.impact_response()
+            response = draft.force_response()
         passes = draft.turns[-1] * self.order
         late = math.ceil(4 * self.sigma * math.sqrt(passes))  # slip may move as many impacts out of the record
         before = math.ceil(max(mode.ring_down_s for mode in modes) * draft.shaft_hz * self.order) + 1 + late

@@ -33,6 +33,7 @@ def apply_to_waveform(
     streams: Streams,
     background: Array | None = None,
     impact_response: Callable[[], Array | None] = lambda: None,
+    force_response: Callable[[], Array | None] = lambda: None,
 ) -> Record:
     """The record with these effects added to what it holds already.
 
@@ -54,6 +55,8 @@ def apply_to_waveform(
         None: they act on the whole record.
     impact_response : callable, optional
         The simulator's response to one impact, see `impact_train.response_of`; None where unknown.
+    force_response : callable, optional
+        The same, or one with its power alone, see `force_response`.
 
     Returns
     -------
@@ -73,8 +76,9 @@ def apply_to_waveform(
     evenly = t * (condition.speed_rpm / 60)
     x = np.array(record.samples, dtype=float)
     draft = Draft(
-        condition, bearing, reference_rms, t, evenly.copy(), excitation="waveform", impact_response=impact_response, x=x
-    )
+        condition, bearing, reference_rms, t, evenly.copy(), excitation="waveform",
+        impact_response=impact_response, force_response=force_response, x=x,
+    )  # fmt: skip
     chain, impacts = in_order(tuple(effects)), x
     for stage in Stage:
         if stage is Stage.EXCITATION and background is not None and draft.faulty:

@@ -26,6 +26,7 @@ from twingap.effects import Effect, Stage, apply_to_waveform
 from twingap.effects.angle import at_angles
 from twingap.effects.background import Background
 from twingap.effects.by_state import unit_of
+from twingap.effects.force_response import force_response
 from twingap.effects.impact_train import response_of
 from twingap.errors import TwingapError
 from twingap.identification.baseline import level_of_own
@@ -106,6 +107,7 @@ class ExternalSimulator:
         self._backgrounds: dict[tuple[float, ...], Background | None] = {}
         self._known_background: dict[tuple[object, ...], NDArray[np.float32]] = {}
         self._responses: dict[float, Array | None] = {}
+        self._force_responses: dict[float, Array | None] = {}
         notes: list[str] = []
         self.missing = frozenset(wanted - faults)
         self._first, self._alike = self._shared_out([*real.conditions, *others])
@@ -150,9 +152,9 @@ class ExternalSimulator:
             record = Record(replace(condition, speed_rpm=speed_rpm), samples)
             if effects:
                 background = self._background_of(record, effects, (streams_root, replicate))
-                response = partial(self._response, condition.fs_hz)
+                responses = (partial(of, condition.fs_hz) for of in (self._response, self._force_response))
                 record = apply_to_waveform(
-                    effects, record, self.bearing, self.reference_rms, streams, background, response
+                    effects, record, self.bearing, self.reference_rms, streams, background, *responses
                 )
             out.append(record)
         return out
@@ -173,7 +175,7 @@ class ExternalSimulator:
         rates = sorted({c.fs_hz for c in self.conditions})
 
         def known() -> Array | None:
-            responses = [self._response(rate) for rate in rates]
+            responses = [self._force_response(rate) for rate in rates]
             return None if any(response is None for response in responses) else responses[0]
 
         return why_not(name, self.conditions, self.bearing, self.reference_rms, "waveform", known)
@@ -245,21 +247,33 @@ class ExternalSimulator:
     def _response(self, fs_hz: float) -> Array | None:
         """Response to one impact at this rate, from some records of each fault; None if impacts do not stand out."""
         if fs_hz not in self._responses:
-            waves: list[Array] = []
-            passes: list[float] = []
-            counts: dict[str, int] = {}
-            for place, c in enumerate(self.sim.conditions):
-                fault = c.fault or "healthy"
-                if fault == "healthy" or counts.get(fault, 0) == _MOST_RESPONSES or c.fs_hz < 0.999 * fs_hz:
-                    continue
-                try:
-                    waves.append(self._at_rate(place, fs_hz))
-                except TwingapError:  # no simple ratio of rates
-                    continue
-                counts[fault] = counts.get(fault, 0) + 1
-                passes.append(fs_hz / (self.bearing.fault_order(fault) * c.speed_rpm / 60))
-            self._responses[fs_hz] = response_of(waves, passes) if waves else None
+            faulty = self._some_of_each_state(fs_hz, healthy=False)
+            passes = [fs_hz / (self.bearing.fault_order(str(c.fault)) * c.speed_rpm / 60) for c, _ in faulty]
+            self._responses[fs_hz] = response_of([x for _, x in faulty], passes) if faulty else None
         return self._responses[fs_hz]
+
+    def _force_response(self, fs_hz: float) -> Array | None:
+        """The same, or one with its power alone where impacts do not stand out."""
+        response = self._response(fs_hz)
+        if response is None and fs_hz not in self._force_responses:
+            healthy, faulty = (self._some_of_each_state(fs_hz, healthy=of) for of in (True, False))
+            self._force_responses[fs_hz] = force_response([x for _, x in healthy], [x for _, x in faulty])
+        return self._force_responses[fs_hz] if response is None else response
+
+    def _some_of_each_state(self, fs_hz: float, *, healthy: bool) -> list[tuple[Condition, Array]]:
+        """Some simulated records of healthy bearings, or of each fault, at this rate, without gain."""
+        found: list[tuple[Condition, Array]] = []
+        counts: dict[str, int] = {}
+        for place, c in enumerate(self.sim.conditions):
+            fault = c.fault or "healthy"
+            if (fault == "healthy") != healthy or counts.get(fault, 0) == _MOST_RESPONSES or c.fs_hz < 0.999 * fs_hz:
+                continue
+            try:
+                found.append((c, self._at_rate(place, fs_hz)))
+            except TwingapError:  # no simple ratio of rates
+                continue
+            counts[fault] = counts.get(fault, 0) + 1
+        return found
 
     def _of_healthy(self) -> float | None:
         """RMS of the simulated healthy records about their means, without gain; None without any."""

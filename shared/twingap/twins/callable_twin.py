@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from twingap.bearing import FAULTS, Bearing
 from twingap.effects import Draft, Effect, Stage, catalogue
 from twingap.effects.angle import at_angles
+from twingap.effects.force_response import force_response
 from twingap.effects.impact_train import response_of
 from twingap.effects.modes import LEAD
 from twingap.errors import TwingapError
@@ -113,7 +114,8 @@ class CallableTwin(Twin):
         if not np.ptp(x) > 0:
             raise TwingapError("the function gave samples that are all equal", where=where)
         draft.x = self.parameters.scale * x
-        draft.impact_response = lambda: _response(self.function, self.bearing, condition)
+        draft.impact_response = lambda: _responses(self.function, self.bearing, condition)[0]
+        draft.force_response = lambda: _responses(self.function, self.bearing, condition)[1]
         # Resampled first, so that angles of later effects refer to the resampled waveform.
         evenly = draft.t * draft.shaft_hz
         if any(e.stage == Stage.SHAFT for e in self.effects) and not np.array_equal(draft.turns, evenly):
@@ -134,10 +136,12 @@ class CallableTwin(Twin):
 
 
 @lru_cache(maxsize=64)
-def _response_at(function: Function, bearing: Bearing, speed_rpm: float, fs_hz: float, n_samples: int) -> Array | None:
-    """Response of a function to one impact, from a record of each fault that it can simulate."""
-    waves, passes = [], []
-    for fault in FAULTS[1:]:
+def _responses_at(
+    function: Function, bearing: Bearing, speed_rpm: float, fs_hz: float, n_samples: int
+) -> tuple[Array | None, Array | None]:
+    """Responses of a function to one impact and to a force, from a record of each state that it can simulate."""
+    made: dict[str, Array] = {}
+    for fault in FAULTS:
         condition = Condition("response", speed_rpm, fs_hz, n_samples, fault)
         try:
             (x,) = function([condition], np.random.default_rng(0))
@@ -145,15 +149,18 @@ def _response_at(function: Function, bearing: Bearing, speed_rpm: float, fs_hz: 
         except Exception:  # a fault that it does not simulate
             continue
         if x.shape == (n_samples,) and np.isfinite(x).all() and np.ptp(x) > 0:
-            waves.append(x)
-            passes.append(fs_hz / (bearing.fault_order(fault) * speed_rpm / 60))
-    return response_of(waves, passes) if waves else None
+            made[fault] = x
+    healthy = [made.pop("healthy")] if "healthy" in made else []
+    passes = [fs_hz / (bearing.fault_order(fault) * speed_rpm / 60) for fault in made]
+    faulty = list(made.values())
+    response = response_of(faulty, passes) if faulty else None
+    return response, force_response(healthy, faulty) if response is None else response
 
 
-def _response(function: Function, bearing: Bearing, condition: Condition) -> Array | None:
-    """As `_response_at`, at the speed of a condition, rounded so that few records are simulated."""
+def _responses(function: Function, bearing: Bearing, condition: Condition) -> tuple[Array | None, Array | None]:
+    """As `_responses_at`, at the speed of a condition, rounded so that few records are simulated."""
     speed_rpm = float(f"{condition.speed_rpm:.1g}")
-    return _response_at(function, bearing, speed_rpm, condition.fs_hz, condition.n_samples)
+    return _responses_at(function, bearing, speed_rpm, condition.fs_hz, condition.n_samples)
 
 
 def register_callable(name: str, function: Function, *, has: Sequence[str] = ()) -> Model:

@@ -171,7 +171,7 @@ def why_not(
     bearing: Bearing,
     reference_rms: float,
     excitation: Literal["impacts", "rollers", "waveform"],
-    impact_response: Callable[[], Array | None] = lambda: None,
+    force_response: Callable[[], Array | None] = lambda: None,
 ) -> str | None:
     """Reason why an effect cannot act on any record of these conditions; None when it can act on one.
 
@@ -186,7 +186,7 @@ def why_not(
         condition = Condition("any", 1800.0, 1e6, 64, fault)
         t = np.arange(64) / condition.fs_hz
         draft = Draft(
-            condition, bearing, reference_rms, t, t * 30.0, excitation=excitation, impact_response=impact_response
+            condition, bearing, reference_rms, t, t * 30.0, excitation=excitation, force_response=force_response
         )
         reason = _forbids(name, draft)
         if reason is None:

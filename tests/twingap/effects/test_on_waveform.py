@@ -123,7 +123,7 @@ def through(lab: Any, effect: Any, response: np.ndarray, fault: str = "healthy")
     (condition,) = lab.conditions(fault, 1)
     x = lab.make([], fault)[0]
     done = apply_to_waveform(
-        [effect], Record(condition, x), lab.bearing, 2.0, Streams(7, 0), impact_response=lambda: response
+        [effect], Record(condition, x), lab.bearing, 2.0, Streams(7, 0), force_response=lambda: response
     )
     return np.asarray(done.samples - x)
 
