@@ -6,6 +6,7 @@ import math
 import os
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -288,6 +289,44 @@ def test_what_a_waveform_cannot_take_is_said() -> None:
     assert "no path" in str(quiet.can_add("distributed_roughness"))
     assert own.can_add("speed_fluctuation") is None
     assert own.can_add("clipping") is None
+
+
+FAINT = {"impact_amplitude": {"inner": 2.5, "outer": 2.5}}
+"""Impacts that raise the spectrum of a record but do not stand out one by one."""
+
+
+def added_roughness(own: Any, conditions: list[Condition]) -> np.ndarray:
+    """Density, in 256 bands, of what roughness adds to the healthy record."""
+    rough = make_effect("distributed_roughness", {"level": 1.0})
+    before, after = (own.simulate(chain, conditions, 7, 0)[0].samples for chain in ((), (rough,)))
+    return np.asarray(np.abs(np.fft.rfft((after - before)[:20480])[1:] ** 2).reshape(256, -1).mean(axis=1))
+
+
+def test_roughness_passes_the_path_of_a_simulator_whose_impacts_do_not_stand_out() -> None:
+    conditions = [replace(c, name=f"{c.name}{k}", n_samples=20480) for c in CONDITIONS for k in range(4)]
+    twin = build_twin(TwinSpec("phenomenological", parameters=FAINT), BEARING, "")
+    made, real = (twin.simulate(conditions, np.random.default_rng(seed)) for seed in (0, 1))
+    own = ExternalSimulator(made, real, BEARING, 1.0)
+    assert own._response(10_000.0) is None
+    assert own.can_add("distributed_roughness") is None
+    density = added_roughness(own, conditions)
+    resonance = round(256 * twin.parameters.resonance_hz / 5000)
+    assert np.abs(np.argmax(density) - resonance) <= 12
+    assert density[resonance] > 20 * np.median(density)
+
+
+def test_roughness_passes_the_path_of_a_function_whose_impacts_do_not_stand_out() -> None:
+    twin = build_twin(TwinSpec("phenomenological", parameters=FAINT), BEARING, "")
+
+    def faint(conditions: Any, rng: Any) -> list[np.ndarray]:
+        return [record.samples for record in twin.simulate(conditions, rng)]
+
+    register_callable("faint impacts", faint)
+    conditions = [replace(c, n_samples=20480) for c in CONDITIONS]
+    own = TwinSimulator(TwinSpec("faint impacts"), BEARING, "", conditions)
+    density = added_roughness(own, conditions)
+    resonance = round(256 * twin.parameters.resonance_hz / 5000)
+    assert np.abs(np.argmax(density) - resonance) <= 12
 
 
 def test_faults_that_nobody_simulated() -> None:

@@ -106,6 +106,20 @@ def test_a_mesh_keeps_its_teeth_where_no_lower_harmonic_is_there() -> None:
     assert effect.parameter_values()["teeth"] == 48
 
 
+def test_lines_beside_a_hum_are_none_of_it() -> None:
+    """A hum is fixed in Hz, so that a line four bins beside its sixth harmonic is not measured with it."""
+    sixth = (1.0, 0.0, 0.0, 0.0, 0.0, 0.4)
+    hum = make_effect("mains_interference", {"level": 0.5, "mains_hz": 50.0, "amplitudes": sixth})
+    lines = {"frequencies_hz": (302.0,), "amplitudes": (0.6,), "orders": (), "order_amplitudes": ()}
+    beside = make_effect("line_spectrum", lines)
+    evidence = evidence_of(hum, beside)
+    chain = (wrong("mains_interference"),)
+    simulator = evidence.against(chain).simulator
+    twin, (effect,) = with_measured_harmonics(evidence, simulator, chain) or (simulator, chain)
+    machine = PhenomenologicalTwin(BEARINGS["6205"], OWN, (hum, beside))
+    assert absolute(evidence, effect, twin)[5] == pytest.approx(0.2 * machine.reference_rms, rel=0.2)
+
+
 def test_a_chain_without_a_series_has_nothing_to_measure() -> None:
     clipping = make_effect("clipping")
     evidence = evidence_of()
