@@ -68,7 +68,7 @@ class Rail(NamedTuple):
     level : float
         In the unit of the samples.
     evidence : float
-        -log10 of the probability, at most, of as many visits without a rail, over all levels that were tried.
+        -log10 of the probability, at most, of as many visits without a rail at any of the extremes that were compared.
     """
 
     level: float
@@ -93,7 +93,7 @@ def best_rail(of: Sequence[Extreme]) -> Rail:
     Highest and lowest levels may be given together: they differ.
     """
     tried = sorted({extreme.level for extreme in of if extreme.visits > 1})
-    found = [Rail(level, _evidence(of, level) - math.log10(len(tried))) for level in tried]
+    found = [Rail(level, _evidence(of, level) - math.log10(len(of))) for level in tried]
     best = max(found, key=lambda rail: rail.evidence, default=Rail(0.0, 0.0))
     return best._replace(evidence=min(max(best.evidence, 0.0), _MOST))
 

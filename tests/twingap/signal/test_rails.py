@@ -56,6 +56,14 @@ def test_evidence_of_machines_without_a_rail_is_no_larger_than_it_states() -> No
     assert np.mean(np.array(found) > 1) <= 0.1
 
 
+def test_three_equal_peaks_of_one_record_in_many_are_chance() -> None:
+    """On 16 bits, one of hundreds of extremes is reached three times where impacts are alike."""
+    alike = Extreme(0.665, visits=3, inside=0, repeated=0, levels=655.0)
+    others = [Extreme(0.5 + 0.001 * k, visits=1, inside=20, repeated=1, levels=655.0) for k in range(150)]
+    assert best_rail([alike, *others]).evidence < SURE - 1
+    assert best_rail([alike] * 4 + others).evidence > SURE, "four records agree"
+
+
 def test_samples_in_a_row_are_one_visit() -> None:
     x = records(3, 1)[0]
     x[100:400] = x.max() + 0.5  # a stretch that the converter held
