@@ -118,7 +118,8 @@ class Draft:
     impact_response : callable
         Finished waveforms: the simulator's response to one impact, see `impact_train.response_of`; None where unknown.
     force_response : callable
-        Finished waveforms: the same, or one with its power alone, see `force_response`; None where unknown.
+        Finished waveforms: the same, or where impacts do not stand out a response of the same power, see
+        `force_response.force_response`; None where unknown.
     x : Array [samples]
         The waveform. Before the path has acted it is empty, except for simulators that make all of it.
     """

@@ -27,7 +27,8 @@ Array = NDArray[np.float64]
 
 
 _FEWEST_TEETH: Final = 8
-"""Of a gear whose mesh harmonics are measured. A smaller value takes harmonics of the shaft for those of a mesh."""
+"""Fewest teeth of a gear of which another's mesh is a harmonic. A smaller value takes harmonics of the shaft for those of
+a mesh."""
 
 
 @register

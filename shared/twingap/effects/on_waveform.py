@@ -56,7 +56,7 @@ def apply_to_waveform(
     impact_response : callable, optional
         The simulator's response to one impact, see `impact_train.response_of`; None where unknown.
     force_response : callable, optional
-        The same, or one with its power alone, see `force_response`.
+        The same, or where impacts do not stand out a response of the same power; see `force_response.force_response`.
 
     Returns
     -------

@@ -253,7 +253,7 @@ class ExternalSimulator:
         return self._responses[fs_hz]
 
     def _force_response(self, fs_hz: float) -> Array | None:
-        """The same, or one with its power alone where impacts do not stand out."""
+        """The same, or a response of the same power where impacts do not stand out."""
         response = self._response(fs_hz)
         if response is None and fs_hz not in self._force_responses:
             healthy, faulty = (self._some_of_each_state(fs_hz, healthy=of) for of in (True, False))
