@@ -27,8 +27,7 @@ Array = NDArray[np.float64]
 
 
 _FEWEST_TEETH: Final = 8
-"""Fewest teeth of a gear of which another's mesh is a harmonic. A smaller value takes harmonics of the shaft for those of
-a mesh."""
+"""Fewest teeth of a gear of which another's mesh is a harmonic. Fewer, and harmonics of the shaft are taken for it."""
 
 
 @register
