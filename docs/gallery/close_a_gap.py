@@ -37,7 +37,8 @@ twin = TwinSpec("phenomenological", bearing=bearing)
 # --------
 #
 # ``close`` diagnoses, adds the named effects at the values found, and diagnoses again, until a diagnosis names no further
-# effect that closes anything. The last diagnosis looks for the :term:`closest twin` too.
+# effect that closes anything. The last one that finds a gap looks for the :term:`closest twin` too, which is handed back
+# where something is left to close.
 
 way = twingap.close(records, twin, seed=0)
 print(way.sentence)
@@ -56,7 +57,7 @@ assert set(machine.effects) <= set(way.twin.effects)
 # The closest twin
 # ----------------
 #
-# It has the named effects, and whatever else brings it closer (nothing, if the last diagnosis finds no gap). Compare the
+# It has the named effects, and whatever else brings it closer (nothing, where the named effects close the gap). Compare the
 # values of the named effects with those of the machine, which are the defaults of the
 # :doc:`catalogue </reference/catalogue>`.
 

@@ -23,7 +23,7 @@ def close(
 ) -> None:
     """Diagnose, add the named effects, and diagnose again until no further effect closes anything.
 
-    TWIN2.toml is the closest twin of the last diagnosis. Beside it, the folder TWIN2_gap has its report: what remains.
+    TWIN2.toml is the closest twin. Beside it, the folder TWIN2_gap has the report of the diagnosis that found it.
     """
     from twingap.files import replacing, try_outputs
     from twingap.records.folder import read_record_set
@@ -38,7 +38,7 @@ def close(
 
         way = run(records, twin, seed=seed, progress=shown.share)
         write_twin(text, way.twin)
-        paths = way.diagnoses[-1].write(folder)
+        paths = way.closest.write(folder)
     rows = [
         {"step": k, "overall gap": gap, "named": ", ".join(found.report.verdict.effects), "added": ", ".join(added)}
         for k, (gap, found, added) in enumerate(zip(way.gaps, way.diagnoses, (*way.added, ()), strict=True), 1)

@@ -436,6 +436,10 @@ class Effect(ABC):
         position.
         """
         yield self
+        yield from self.switched()
+
+    def switched(self) -> Iterator[Self]:
+        """The effect with each of its switches that fitting leaves alone in the other position."""
         for field in self.parameters():
             if field.type in ("bool", bool) and not field.metadata["fitted"]:
                 yield self.moved(**{field.name: not getattr(self, field.name)})

@@ -1,10 +1,12 @@
 """Closing a gap: diagnose, add what is named, and diagnose again until nothing more closes.
 
-records, twin --diagnose--> verdict --its effects at the values found--> twin --diagnose--> ... --> closest twin
+records, twin --diagnose--> verdict --its effects at the values found--> twin --diagnose--> ... --> no further name
+the last of these diagnoses that finds a gap --search of all values--> closest twin
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -19,13 +21,22 @@ MOST: Final = 5
 """Largest number of diagnoses. Each takes as long as `diagnose`; real machines seldom need more than three."""
 
 
+_AT_FLOOR: Final = 2.0
+"""Gap of a twin without further names, over its floor, from which a closer one is sought. A smaller value seeks one more
+often, which takes as long as a diagnosis."""
+_CLOSER: Final = 0.9
+"""Factor on that gap which the closest twin has to reach. A larger value hands back more effects for a smaller gain."""
+
+
 @dataclass(frozen=True)
 class Closing:
     """The way from a twin to one that nothing more can be added to."""
 
-    # One a step. Each is of the twin that the step before left; effects of the last one were not added.
+    # One a step. Each is of the twin that the step before left; effects of the last one were not added. The last one
+    # that finds a gap has its closest twin.
     diagnoses: tuple[Diagnosis, ...]
-    twin: TwinSpec  # the closest twin of the last diagnosis: all effects added, and whatever else brings it closer
+    place: int  # of the diagnosis whose twin is the closest
+    twin: TwinSpec  # that twin: all effects added, and whatever else brings it closer
 
     @property
     def added(self) -> tuple[tuple[str, ...], ...]:
@@ -40,14 +51,18 @@ class Closing:
     @property
     def closure(self) -> float:
         """Part of the first twin's gap that the last twin closes; 0 where there was none."""
-        first, last, floor = self.gaps[0], self.left, self.diagnoses[-1].report.metrics[0].floor
+        first, last, floor = self.gaps[0], self.left, self.closest.report.metrics[0].floor
         return (first - last) / (first - floor) if first > floor else 0.0
 
     @property
     def left(self) -> float:
-        """Overall gap of the last twin, in standard deviations."""
-        metrics = self.diagnoses[-1].report.closest.metrics
-        return min(metrics[0].after, self.gaps[-1]) if metrics else self.gaps[-1]
+        """Overall gap of the closest twin, in standard deviations."""
+        return min(self.gaps[-1], _left(self.diagnoses[self.place]))
+
+    @property
+    def closest(self) -> Diagnosis:
+        """The diagnosis with the closest twin."""
+        return self.diagnoses[self.place]
 
     @property
     def sentence(self) -> str:
@@ -102,12 +117,20 @@ def close(
             spec, effects=(*spec.effects, *names), parameters={**spec.parameters, **{n: values[n] for n in names}}
         )
         specs.append(spec)
-    if found[-1].report.verdict.status != "no_gap":
+    last = found[-1].report
+    place = len(found) - 1
+    gaps = [k for k, one in enumerate(found) if one.report.verdict.status != "no_gap"]
+    # A twin with effects may be called one without a gap for what other forms of these effects leave. The diagnosis
+    # before can still move all values.
+    if gaps and (gaps[-1] == place or last.metrics[0].before > _AT_FLOOR * last.metrics[0].floor):
         step = _of_step(progress, MOST - 1)
-        found[-1] = diagnose(records, specs[len(found) - 1], seed=seed, progress=step)
-    last = found[-1].closest_twin()
-    assert last is not None and last.identified is not None  # only simulators of the user's own have none
-    return Closing(tuple(found), replace(last, identified=replace(last.identified, method="twingap close")))
+        found[gaps[-1]] = diagnose(records, specs[gaps[-1]], seed=seed, progress=step)
+        if gaps[-1] == place or _left(found[gaps[-1]]) < _CLOSER * last.metrics[0].before:
+            place = gaps[-1]
+    twin_found = found[place].closest_twin()
+    assert twin_found is not None and twin_found.identified is not None  # only simulators of the user's own have none
+    identified = replace(twin_found.identified, method="twingap close")
+    return Closing(tuple(found), place, replace(twin_found, identified=identified))
 
 
 def _of_step(progress: Progress, step: int) -> Progress:
@@ -118,3 +141,9 @@ def _of_step(progress: Progress, step: int) -> Progress:
 def _addable(found: Diagnosis) -> tuple[str, ...]:
     """The verdict's effects that can be added to the twin."""
     return tuple(name for name in found.report.verdict.effects if name not in found.explanation.cannot)
+
+
+def _left(found: Diagnosis) -> float:
+    """Overall gap of a diagnosis' closest twin; infinite where none was sought."""
+    metrics = found.report.closest.metrics
+    return metrics[0].after if metrics else math.inf

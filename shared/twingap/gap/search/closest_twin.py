@@ -1,8 +1,9 @@
 """The closest twin: everything that brings the twin closer, whether or not it can be named.
 
 verdict's twin --values that records of single units show--> --spectra: path, background--> --effects one by one, best
-               first--> --joint search of all values--> --spectra again, lines--> units: path, background, impacts of
-               their own--> closest twin, kept where other random streams confirm it
+               first--> --joint search of all values--> --other forms, effects that are missing now--> --spectra again,
+               lines--> units: path, background, impacts of their own--> closest twin, kept where other random streams
+               confirm it
 
 Effects stand in for each other: in a real machine several of them, none of which can be named, may close a gap
 together. What the closest twin closes, and which group of effects closes it, is measured on held-out records.
@@ -11,12 +12,12 @@ together. What the closest twin closes, and which group of effects closes it, is
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
 from twingap.effects import Effect, Stage, catalogue, make_effect
-from twingap.effects.by_state import unit_of
+from twingap.effects.by_state import ByState, unit_of
 from twingap.effects.registry import irregular_impacts, look_alikes, measured_from_spectra
 from twingap.errors import TwingapError
 from twingap.gap.knowledge.learnt import Learnt
@@ -51,6 +52,10 @@ OWN_WORTH: Final = 0.93
 they are enough. Closer to 1, chance decides more often."""
 _WEAK: Final = (0.5, 0.15)
 """Parts of an effect's default strength at which it is tried. More take a simulation each."""
+_FORM_STRENGTHS: Final = (1.0, 0.5, 0.25)
+"""Parts of an effect's strength at which its other forms are tried. More take a simulation each."""
+_NEAR: Final = 1.2
+"""Factor on the misfit up to which another form gets values of its own. A larger value takes longer."""
 _OTHER: Final = 5
 """Replicate with which kinds of random impacts are compared: nothing is fitted to it."""
 _RULED_OUT: Final = 0.003
@@ -87,44 +92,31 @@ def closest_twin(
     bare = evidence.without_added(begin.simulator)
     start = _with_read_values(evidence, _Twin(bare, begin.effects, evidence.misfit(bare, begin.effects)), found)
     progress("spectra of path and background", 0.0)
-    preferred = by_fault_or_all(evidence)
-    sides: tuple[By, By] = ("fault", "all")
-    now, least = start, math.inf
-    for given in _rhythms(evidence, start, found):
-        best = given
-        for by in sides:
-            choices = ((PATH,), (BACKGROUND,), (PATH, BACKGROUND)) if by == "all" else ((PATH, BACKGROUND),)
-            one = _with_spectra(evidence, given, choices, by)
-            noisier = by != preferred and best.by == preferred
-            best = one if one.misfit < (OWN_WORTH if noisier else WORTH) * best.misfit else best
-        if evidence.against().simulator.makes_waveforms:
-            one = _with_spectra(evidence, given, ((PATH,), (PATH, BACKGROUND)), "all", all_samples=True)
-            best = one if one.misfit < WORTH * best.misfit else best
-        # Trial records are shortened, and regular impacts stand out the more the longer a record is.
-        left = evidence.gap(best.simulator, best.effects, _OTHER)
-        if left < WORTH * least:
-            now, least = best, left
+    now = _with_first_spectra(evidence, start, found)
     every = measured_from_spectra()
     known = tuple(name for name in every if name in {*now.names, LINES})
     now = _with_spectra(evidence, now, (known, every), now.by)
+    now = _in_other_forms(evidence, now, start.names)
     stages = [start, now]
     more = "effects that bring it closer"
-    for effect in _ranked(evidence, now, found, learnt, lambda part: progress(more, 0.05 + 0.4 * part)):
-        if len(now.effects) - len(begin.effects) >= MOST:
-            break
-        tried = _tried(evidence, now, effect, rounds=2)
-        if tried is not None and tried.misfit < WORTH * now.misfit:
-            now = tried
+    most = len(begin.effects) + MOST
+    now = _with_more(evidence, now, found, learnt, most, lambda part: progress(more, 0.05 + 0.4 * part))
     now = _without_idle(evidence, now)
     stages.append(now)
     progress("values fitted together", 0.5)
     trials = min(max(evidence.trials // 2, _JOINT[0]), _JOINT[1])
     joint = fitted_together(
-        evidence, now.simulator, now.effects, trials, lambda part: progress("values fitted together", 0.5 + 0.4 * part)
+        evidence, now.simulator, now.effects, trials, lambda part: progress("values fitted together", 0.5 + 0.3 * part)
     )
     now = _Twin(*joint, now.by)
-    local = optimise(evidence, now.simulator, now.effects, learnt.errors, passes=2)
-    now = _Twin(local.simulator, local.effects, evidence.misfit(local.simulator, local.effects), now.by)
+    now = _settled(evidence, now, learnt)
+    now = _settled_elsewhere(evidence, now, learnt, start.names)
+    progress(more, 0.9)
+    # Once the values fit, others bring the twin closer, and some no longer do.
+    other = _with_more(evidence, _without_idle(evidence, now), found, learnt, most)
+    if other.names != now.names:
+        other = _settled(evidence, other, learnt)
+        now = other if other.misfit < WORTH * now.misfit else now
     spectra = tuple(name for name in every if name in now.names)
     with_lines = spectra, (*spectra, LINES), every
     last = _with_spectra(evidence, now, with_lines, now.by)
@@ -161,6 +153,28 @@ def _with_read_values(evidence: Evidence, now: _Twin, found: Explanation) -> _Tw
         if (chain := read_by_unit(evidence, now.simulator, now.effects, name)) is not None:
             tried = _Twin(now.simulator, chain, evidence.misfit(now.simulator, chain))
             now = tried if tried.misfit < READ * now.misfit else now
+    return now
+
+
+def _with_first_spectra(evidence: Evidence, start: _Twin, found: Explanation) -> _Twin:
+    """The twin with path and background as first measured, and the kind of random impacts that is closest then."""
+    preferred = by_fault_or_all(evidence)
+    sides: tuple[By, By] = ("fault", "all")
+    now, least = start, math.inf
+    for given in _rhythms(evidence, start, found):
+        best = given
+        for by in sides:
+            choices = ((PATH,), (BACKGROUND,), (PATH, BACKGROUND)) if by == "all" else ((PATH, BACKGROUND),)
+            one = _with_spectra(evidence, given, choices, by)
+            noisier = by != preferred and best.by == preferred
+            best = one if one.misfit < (OWN_WORTH if noisier else WORTH) * best.misfit else best
+        if evidence.against().simulator.makes_waveforms:
+            one = _with_spectra(evidence, given, ((PATH,), (PATH, BACKGROUND)), "all", all_samples=True)
+            best = one if one.misfit < WORTH * best.misfit else best
+        # Trial records are shortened, and regular impacts stand out the more the longer a record is.
+        left = evidence.gap(best.simulator, best.effects, _OTHER)
+        if left < WORTH * least:
+            now, least = best, left
     return now
 
 
@@ -233,6 +247,79 @@ def _without_idle(evidence: Evidence, now: _Twin) -> _Twin:
         if tried is not None and tried.misfit < now.misfit:
             now = tried
     return now
+
+
+def _with_more(
+    evidence: Evidence, now: _Twin, found: Explanation, learnt: Learnt, most: int,
+    progress: Callable[[float], None] = lambda part: None,
+) -> _Twin:  # fmt: skip
+    """The twin with those effects added that bring it closer, up to a number in all."""
+    for effect in _ranked(evidence, now, found, learnt, progress):
+        tried = _tried(evidence, now, effect, rounds=2) if len(now.effects) < most else None
+        now = tried if tried is not None and tried.misfit < WORTH * now.misfit else now
+    return now
+
+
+def _settled(evidence: Evidence, now: _Twin, learnt: Learnt) -> _Twin:
+    """The twin at the nearest minimum of its values."""
+    local = optimise(evidence, now.simulator, now.effects, learnt.errors, passes=2)
+    return _Twin(local.simulator, local.effects, evidence.misfit(local.simulator, local.effects), now.by)
+
+
+def _in_other_forms(evidence: Evidence, now: _Twin, kept: Collection[str]) -> _Twin:
+    """The twin with its effects in other forms, where these are closer.
+
+    A form was chosen before the path was measured, and what a wrong path left may have decided.
+    """
+    for effect in _with_forms(now):
+        other = _best_form(evidence, now, effect, list(effect.forms())[1:], kept)
+        now = other if other is not None and other.misfit < WORTH * now.misfit else now
+    return now
+
+
+def _settled_elsewhere(evidence: Evidence, now: _Twin, learnt: Learnt, kept: Collection[str]) -> _Twin:
+    """The twin with its switches in the other position, and one path for all faults, where that is closer in the end.
+
+    With all values fitted to one form, another form is first farther: each that is near gets values of its own.
+    """
+    for effect in _with_forms(now):
+        other = _best_form(evidence, now, effect, list(effect.switched()), kept)
+        if other is not None and other.misfit < _NEAR * now.misfit:
+            other = _settled(evidence, other, learnt)
+            now = other if other.misfit < WORTH * now.misfit else now
+    if now.by == "fault":
+        names = [name for name in measured_from_spectra() if name in now.names]
+        made = measured(evidence, now.simulator, now.effects, names, by="all") if names else None
+        if made is not None and (misfit := evidence.misfit(*made)) < _NEAR * now.misfit:
+            other = _settled(evidence, _Twin(*made, misfit, "all"), learnt)
+            now = other if other.misfit < now.misfit else now
+    return now
+
+
+def _with_forms(now: _Twin) -> list[Effect]:
+    """Effects that may have another form."""
+    return [effect for effect in now.effects if not (effect.measured or isinstance(effect, ByState))]
+
+
+def _best_form(
+    evidence: Evidence, now: _Twin, effect: Effect, forms: Sequence[Effect], kept: Collection[str]
+) -> _Twin | None:
+    """The twin with the form and strength of an effect that are closest; None where none can be simulated.
+
+    What looks alike may have been added to make up for the wrong form: all is tried without it, too, but for the
+    effects that are `kept`.
+    """
+    best = None
+    for form in forms:
+        for factor in _FORM_STRENGTHS:
+            if not evidence.fits(other := form.weakened(factor)):
+                continue
+            chain = tuple(other if one.name == effect.name else one for one in now.effects)
+            alone = tuple(one for one in chain if one.name in kept or one.name not in effect.look_alikes)
+            for tried in dict.fromkeys((chain, alone)):
+                one = _made(evidence, now, tried, moved=effect.stage <= Stage.PATH)
+                best = one if one is not None and (best is None or one.misfit < best.misfit) else best
+    return best
 
 
 def _tried(evidence: Evidence, now: _Twin, effect: Effect, rounds: int = 1) -> _Twin | None:
