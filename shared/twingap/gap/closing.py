@@ -22,8 +22,8 @@ MOST: Final = 5
 
 
 _AT_FLOOR: Final = 2.0
-"""Gap of a twin without further names, over its floor, from which a closer one is sought. A smaller value seeks one more
-often, which takes as long as a diagnosis."""
+"""Gap of a twin without further names, over its floor, from which a closer one is sought. A smaller value seeks one
+more often, which takes as long as a diagnosis."""
 _CLOSER: Final = 0.9
 """Factor on that gap which the closest twin has to reach. A larger value hands back more effects for a smaller gain."""
 

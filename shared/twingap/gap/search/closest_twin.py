@@ -47,6 +47,13 @@ SIMPLER: Final = 0.97
 of what chance made is kept."""
 _JOINT: Final = (60, 160)
 """Smallest and largest number of trials of the joint search. More fit values better and take longer."""
+_MUCH: Final = 0.25
+"""Part of the bare twin's distance from which all effects are fitted together. A smaller value does so more often,
+which takes minutes with large records."""
+_CLEAR: Final = 0.3
+"""Smallest distance, in standard deviations, from which they are: what is left of weak gaps is mostly chance."""
+_WIDE: Final = (14, 640)
+"""Trials of that search, as a multiple of those of one search for values, and at most. More fit values better."""
 OWN_WORTH: Final = 0.93
 """Factor on the misfit that spectra by fault have to reach where records are few, and spectra of all faults where
 they are enough. Closer to 1, chance decides more often."""
@@ -117,6 +124,7 @@ def closest_twin(
     if other.names != now.names:
         other = _settled(evidence, other, learnt)
         now = other if other.misfit < WORTH * now.misfit else now
+    now = _all_together(evidence, now, start, found, learnt)
     spectra = tuple(name for name in every if name in now.names)
     with_lines = spectra, (*spectra, LINES), every
     last = _with_spectra(evidence, now, with_lines, now.by)
@@ -277,6 +285,27 @@ def _in_other_forms(evidence: Evidence, now: _Twin, kept: Collection[str]) -> _T
     return now
 
 
+def _all_together(evidence: Evidence, now: _Twin, start: _Twin, found: Explanation, learnt: Learnt) -> _Twin:
+    """The twin with all effects that may be there, fitted together from small strengths, where much is left without.
+
+    Where many effects differ at once, none of them alone brings the twin clearly closer.
+    """
+    bare = validation_distance(evidence, found.before.simulator, found.before.effects)
+    if validation_distance(evidence, now.simulator, now.effects) < max(_MUCH * bare, _CLEAR):
+        return now
+    weak = (make_effect(name).weakened(_WEAK[-1]) for name in _others(evidence, now, found))
+    chain = (*now.effects, *(effect for effect in weak if evidence.fits(effect)))
+    trials = min(_WIDE[0] * evidence.trials, _WIDE[1])
+    made = _Twin(*fitted_together(evidence, now.simulator, chain, trials), now.by)
+    for effect in made.effects:
+        rest = tuple(other for other in made.effects if other.name != effect.name)
+        misfit = evidence.misfit(made.simulator, rest)
+        if effect.name not in start.names and misfit < made.misfit / READ:
+            made = _Twin(made.simulator, rest, misfit, now.by)
+    made = _settled(evidence, made, learnt)
+    return made if made.misfit < WORTH * now.misfit else now
+
+
 def _settled_elsewhere(evidence: Evidence, now: _Twin, learnt: Learnt, kept: Collection[str]) -> _Twin:
     """The twin with its switches in the other position, and one path for all faults, where that is closer in the end.
 
@@ -351,8 +380,7 @@ def _ranked(
     Those on the excitation, which change what is measured of the path, are tried first: with large records or a contact
     twin the number of trials is small.
     """
-    out = {*now.names, *measured_from_spectra()}
-    names = [n for n in catalogue() if n not in out and _possible(n, found) and _addable(n, evidence, found)]
+    names = _others(evidence, now, found)
     names.sort(key=lambda name: catalogue()[name].stage is not Stage.EXCITATION)
     best: list[tuple[float, Effect]] = []
     left = _TRIED * evidence.trials
@@ -366,6 +394,12 @@ def _ranked(
         if left <= 0:
             break
     return [effect for _, effect in sorted(best, key=lambda row: row[0])]
+
+
+def _others(evidence: Evidence, now: _Twin, found: Explanation) -> list[str]:
+    """Effects that the twin does not have and that may be there."""
+    out = {*now.names, *measured_from_spectra()}
+    return [n for n in catalogue() if n not in out and _possible(n, found) and _addable(n, evidence, found)]
 
 
 def _addable(name: str, evidence: Evidence, found: Explanation) -> bool:
