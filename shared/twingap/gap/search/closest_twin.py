@@ -52,8 +52,10 @@ _MUCH: Final = 0.25
 which takes minutes with large records."""
 _CLEAR: Final = 0.3
 """Smallest distance, in standard deviations, from which they are: what is left of weak gaps is mostly chance."""
-_WIDE: Final = (14, 640)
+_WIDE: Final = (7, 320)
 """Trials of that search, as a multiple of those of one search for values, and at most. More fit values better."""
+_HALF: Final = 0.5
+"""Part of the strength that an effect has by itself at which it begins there: others take over a part of it."""
 OWN_WORTH: Final = 0.93
 """Factor on the misfit that spectra by fault have to reach where records are few, and spectra of all faults where
 they are enough. Closer to 1, chance decides more often."""
@@ -124,7 +126,7 @@ def closest_twin(
     if other.names != now.names:
         other = _settled(evidence, other, learnt)
         now = other if other.misfit < WORTH * now.misfit else now
-    now = _all_together(evidence, now, start, found, learnt)
+    now = _all_together(evidence, now, stages[1], found, learnt)
     spectra = tuple(name for name in every if name in now.names)
     with_lines = spectra, (*spectra, LINES), every
     last = _with_spectra(evidence, now, with_lines, now.by)
@@ -285,25 +287,38 @@ def _in_other_forms(evidence: Evidence, now: _Twin, kept: Collection[str]) -> _T
     return now
 
 
-def _all_together(evidence: Evidence, now: _Twin, start: _Twin, found: Explanation, learnt: Learnt) -> _Twin:
-    """The twin with all effects that may be there, fitted together from small strengths, where much is left without.
+def _all_together(evidence: Evidence, now: _Twin, begun: _Twin, found: Explanation, learnt: Learnt) -> _Twin:
+    """The twin, or where much is left the one that `begun` becomes with many effects at once, where that is closer.
 
-    Where many effects differ at once, none of them alone brings the twin clearly closer.
+    Where many effects differ at once, none of them alone brings the twin clearly closer, and those that were added one
+    by one make up for others. Fitted together are those that help by themselves, and from small strengths all that may
+    be there.
     """
     bare = validation_distance(evidence, found.before.simulator, found.before.effects)
     if validation_distance(evidence, now.simulator, now.effects) < max(_MUCH * bare, _CLEAR):
         return now
-    weak = (make_effect(name).weakened(_WEAK[-1]) for name in _others(evidence, now, found))
-    chain = (*now.effects, *(effect for effect in weak if evidence.fits(effect)))
-    trials = min(_WIDE[0] * evidence.trials, _WIDE[1])
-    made = _Twin(*fitted_together(evidence, now.simulator, chain, trials), now.by)
-    for effect in made.effects:
-        rest = tuple(other for other in made.effects if other.name != effect.name)
-        misfit = evidence.misfit(made.simulator, rest)
-        if effect.name not in start.names and misfit < made.misfit / READ:
-            made = _Twin(made.simulator, rest, misfit, now.by)
-    made = _settled(evidence, made, learnt)
-    return made if made.misfit < WORTH * now.misfit else now
+    helpful = [effect.weakened(_HALF) for effect in _ranked(evidence, begun, found, learnt, lambda part: None)]
+    every = [make_effect(name).weakened(_WEAK[-1]) for name in _others(evidence, begun, found)]
+    for more, (trials, most) in ((helpful, _WIDE), (every, (2 * _WIDE[0], 2 * _WIDE[1]))):
+        chain = (*begun.effects, *(effect for effect in more if evidence.fits(effect)))
+        fitted = fitted_together(evidence, begun.simulator, chain, min(trials * evidence.trials, most))
+        made = _pruned(evidence, _Twin(*fitted, begun.by), begun.names)
+        if made.misfit < _NEAR * now.misfit:
+            made = _pruned(evidence, _settled(evidence, made, learnt), begun.names)
+        now = made if made.misfit < WORTH * now.misfit else now
+    return now
+
+
+def _pruned(evidence: Evidence, now: _Twin, kept: Collection[str]) -> _Twin:
+    """The twin without effects that make no difference, but for those that are `kept`."""
+    while free := [effect for effect in now.effects if effect.name not in kept]:
+        rests = [tuple(other for other in now.effects if other is not effect) for effect in free]
+        misfits = [evidence.misfit(now.simulator, rest) for rest in rests]
+        least = min(misfits)
+        if least >= now.misfit / READ:
+            break
+        now = _Twin(now.simulator, rests[misfits.index(least)], least, now.by)
+    return now
 
 
 def _settled_elsewhere(evidence: Evidence, now: _Twin, learnt: Learnt, kept: Collection[str]) -> _Twin:

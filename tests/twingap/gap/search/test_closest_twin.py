@@ -10,12 +10,15 @@ import pytest
 
 from twingap.bearing import BEARINGS
 from twingap.effects import Effect, catalogue, make_effect
+from twingap.effects.by_state import ByState
 from twingap.gap import diagnose
 from twingap.gap.report.files import to_json
 from twingap.gap.report.schema import problems
+from twingap.gap.search import closest_twin as search
 from twingap.gap.search.closest_twin import closest_spec, closest_twin
 from twingap.gap.search.effect_search import Explanation
 from twingap.gap.search.evidence import Compared, Evidence, simulator_of
+from twingap.gap.search.free_spectra import measured
 from twingap.gap.search.optimise import optimise, validation_distance
 from twingap.identification.calibrate import calibrate
 from twingap.records import Condition, RecordSet
@@ -143,3 +146,38 @@ def test_finished_records_have_no_twin_file(learnt: Any) -> None:
     nearer = closest_twin(evidence, found, learnt)
     assert closest_spec(nearer) is None
     assert evidence.misfit(nearer.simulator, nearer.effects) < evidence.misfit(now.simulator, ())
+
+
+MANY = (
+    make_effect("impact_scatter", {"sigma": 0.4}),
+    make_effect("load_zone", {"depth": 0.6}),
+    make_effect("sensor_rolloff", {"corner_hz": 3000.0}),
+    make_effect("looseness", {"level": 0.6}),
+)
+
+
+def test_many_effects_are_fitted_together_where_much_is_left(learnt: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(search, "_WIDE", (2, 120))
+    evidence, found = found_in(machine(*MANY))
+    start = search._Twin(found.after.simulator, (), evidence.misfit(found.after.simulator, ()))
+    made = search._all_together(evidence, start, start, found, learnt)
+    left = validation_distance(evidence, made.simulator, made.effects)
+    assert left < 0.5 * validation_distance(evidence, start.simulator, ())
+    assert made.names & {effect.name for effect in MANY} and "slip_jitter" not in made.names
+    # What does nothing is left out again.
+    for effect in made.effects:
+        rest = tuple(other for other in made.effects if other is not effect)
+        assert evidence.misfit(made.simulator, rest) > 0.98 * made.misfit
+
+
+def test_a_path_of_all_faults_replaces_those_of_each_where_it_is_closer(learnt: Any) -> None:
+    """One path, measured from all records, holds for other records better than one of each fault's few."""
+    evidence, _ = found_in(machine(*LACKS))
+    bare = evidence.against().simulator
+    made = measured(evidence, bare, (LACKS[1],), ("transfer_path", "background_spectrum"), by="fault")
+    assert made is not None
+    each = search._Twin(*made, evidence.misfit(*made), "fault")
+    settled = search._settled_elsewhere(evidence, each, learnt, frozenset())
+    assert settled.misfit <= each.misfit
+    if settled.by == "all":
+        assert not any(isinstance(effect, ByState) for effect in settled.effects)
