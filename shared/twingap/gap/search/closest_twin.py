@@ -47,7 +47,7 @@ SIMPLER: Final = 0.97
 of what chance made is kept."""
 _JOINT: Final = (60, 160)
 """Smallest and largest number of trials of the joint search. More fit values better and take longer."""
-_MUCH: Final = 0.25
+_MUCH: Final = 0.5
 """Part of the bare twin's distance from which all effects are fitted together. A smaller value does so more often,
 which takes minutes with large records."""
 _CLEAR: Final = 0.3
@@ -298,15 +298,25 @@ def _all_together(evidence: Evidence, now: _Twin, begun: _Twin, found: Explanati
     if validation_distance(evidence, now.simulator, now.effects) < max(_MUCH * bare, _CLEAR):
         return now
     helpful = [effect.weakened(_HALF) for effect in _ranked(evidence, begun, found, learnt, lambda part: None)]
-    every = [make_effect(name).weakened(_WEAK[-1]) for name in _others(evidence, begun, found)]
-    for more, (trials, most) in ((helpful, _WIDE), (every, (2 * _WIDE[0], 2 * _WIDE[1]))):
-        chain = (*begun.effects, *(effect for effect in more if evidence.fits(effect)))
-        fitted = fitted_together(evidence, begun.simulator, chain, min(trials * evidence.trials, most))
-        made = _pruned(evidence, _Twin(*fitted, begun.by), begun.names)
-        if made.misfit < _NEAR * now.misfit:
-            made = _pruned(evidence, _settled(evidence, made, learnt), begun.names)
-        now = made if made.misfit < WORTH * now.misfit else now
-    return now
+    now, base = _fitted_with(evidence, now, begun, helpful, 1, learnt)
+    every = [make_effect(name).weakened(_WEAK[-1]) for name in _others(evidence, base, found)]
+    return _fitted_with(evidence, now, base, every, 2, learnt)[0]
+
+
+def _fitted_with(
+    evidence: Evidence, now: _Twin, base: _Twin, more: Sequence[Effect], times: int, learnt: Learnt
+) -> tuple[_Twin, _Twin]:
+    """The closer of a twin and `base` with more effects, fitted together; and `base`, or that twin if it is closer.
+
+    The search takes this many times `_WIDE` trials. Of the effects that are added, those with influence stay.
+    """
+    chain = (*base.effects, *(effect for effect in more if evidence.fits(effect)))
+    trials = times * min(_WIDE[0] * evidence.trials, _WIDE[1])
+    fitted = fitted_together(evidence, base.simulator, chain, trials)
+    made = _pruned(evidence, _Twin(*fitted, base.by), base.names)
+    if made.misfit < _NEAR * now.misfit:
+        made = _pruned(evidence, _settled(evidence, made, learnt), base.names)
+    return (made, made) if made.misfit < WORTH * now.misfit else (now, base)
 
 
 def _pruned(evidence: Evidence, now: _Twin, kept: Collection[str]) -> _Twin:
