@@ -48,8 +48,8 @@ of what chance made is kept."""
 _JOINT: Final = (60, 160)
 """Smallest and largest number of trials of the joint search. More fit values better and take longer."""
 _MUCH: Final = 0.5
-"""Part of the bare twin's distance from which all effects are fitted together. A smaller value does so more often,
-which takes minutes with large records."""
+"""Part of the bare twin's distance from which the effects that help are fitted together. A smaller value does so more
+often, which takes minutes with large records."""
 _CLEAR: Final = 0.3
 """Smallest distance, in standard deviations, from which they are: what is left of weak gaps is mostly chance."""
 _WIDE: Final = (7, 320)
@@ -288,35 +288,21 @@ def _in_other_forms(evidence: Evidence, now: _Twin, kept: Collection[str]) -> _T
 
 
 def _all_together(evidence: Evidence, now: _Twin, begun: _Twin, found: Explanation, learnt: Learnt) -> _Twin:
-    """The twin, or where much is left the one that `begun` becomes with many effects at once, where that is closer.
+    """The twin, or where much is left `begun` with all effects that help by themselves, where that is closer.
 
-    Where many effects differ at once, none of them alone brings the twin clearly closer, and those that were added one
-    by one make up for others. Fitted together are those that help by themselves, and from small strengths all that may
-    be there.
+    These are fitted together: where many effects differ at once, those that are added one by one make up for others.
     """
     bare = validation_distance(evidence, found.before.simulator, found.before.effects)
     if validation_distance(evidence, now.simulator, now.effects) < max(_MUCH * bare, _CLEAR):
         return now
-    helpful = [effect.weakened(_HALF) for effect in _ranked(evidence, begun, found, learnt, lambda part: None)]
-    now, base = _fitted_with(evidence, now, begun, helpful, 1, learnt)
-    every = [make_effect(name).weakened(_WEAK[-1]) for name in _others(evidence, base, found)]
-    return _fitted_with(evidence, now, base, every, 2, learnt)[0]
-
-
-def _fitted_with(
-    evidence: Evidence, now: _Twin, base: _Twin, more: Sequence[Effect], times: int, learnt: Learnt
-) -> tuple[_Twin, _Twin]:
-    """The closer of a twin and `base` with more effects, fitted together; and `base`, or that twin if it is closer.
-
-    The search takes this many times `_WIDE` trials. Of the effects that are added, those with influence stay.
-    """
-    chain = (*base.effects, *(effect for effect in more if evidence.fits(effect)))
-    trials = times * min(_WIDE[0] * evidence.trials, _WIDE[1])
-    fitted = fitted_together(evidence, base.simulator, chain, trials)
-    made = _pruned(evidence, _Twin(*fitted, base.by), base.names)
+    helpful = (effect.weakened(_HALF) for effect in _ranked(evidence, begun, found, learnt, lambda part: None))
+    chain = (*begun.effects, *(effect for effect in helpful if evidence.fits(effect)))
+    trials = min(_WIDE[0] * evidence.trials, _WIDE[1])
+    made = _Twin(*fitted_together(evidence, begun.simulator, chain, trials), begun.by)
+    made = _pruned(evidence, made, begun.names)
     if made.misfit < _NEAR * now.misfit:
-        made = _pruned(evidence, _settled(evidence, made, learnt), base.names)
-    return (made, made) if made.misfit < WORTH * now.misfit else (now, base)
+        made = _pruned(evidence, _settled(evidence, made, learnt), begun.names)
+    return made if made.misfit < WORTH * now.misfit else now
 
 
 def _pruned(evidence: Evidence, now: _Twin, kept: Collection[str]) -> _Twin:

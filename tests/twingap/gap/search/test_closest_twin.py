@@ -156,8 +156,7 @@ MANY = (
 )
 
 
-def test_many_effects_are_fitted_together_where_much_is_left(learnt: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(search, "_WIDE", (2, 120))
+def test_many_effects_are_fitted_together_where_much_is_left(learnt: Any) -> None:
     evidence, found = found_in(machine(*MANY))
     start = search._Twin(found.after.simulator, (), evidence.misfit(found.after.simulator, ()))
     made = search._all_together(evidence, start, start, found, learnt)
