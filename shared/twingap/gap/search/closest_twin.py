@@ -12,7 +12,7 @@ together. What the closest twin closes, and which group of effects closes it, is
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -281,8 +281,8 @@ def _in_other_forms(evidence: Evidence, now: _Twin, kept: Collection[str]) -> _T
 
     A form was chosen before the path was measured, and what a wrong path left may have decided.
     """
-    for effect in _with_forms(now):
-        other = _best_form(evidence, now, effect, list(effect.forms())[1:], kept)
+    for name in _with_forms(now):
+        other = _best_form(evidence, now, name, lambda effect: list(effect.forms())[1:], kept)
         now = other if other is not None and other.misfit < WORTH * now.misfit else now
     return now
 
@@ -298,8 +298,9 @@ def _all_together(evidence: Evidence, now: _Twin, begun: _Twin, found: Explanati
     helpful = (effect.weakened(_HALF) for effect in _ranked(evidence, begun, found, learnt, lambda part: None))
     chain = (*begun.effects, *(effect for effect in helpful if evidence.fits(effect)))
     trials = min(_WIDE[0] * evidence.trials, _WIDE[1])
-    made = _Twin(*fitted_together(evidence, begun.simulator, chain, trials), begun.by)
-    made = _pruned(evidence, made, begun.names)
+    # The misfit of the joint search has a scale of its own.
+    simulator, effects, _ = fitted_together(evidence, begun.simulator, chain, trials)
+    made = _pruned(evidence, _Twin(simulator, effects, evidence.misfit(simulator, effects), begun.by), begun.names)
     if made.misfit < _NEAR * now.misfit:
         made = _pruned(evidence, _settled(evidence, made, learnt), begun.names)
     return made if made.misfit < WORTH * now.misfit else now
@@ -322,8 +323,8 @@ def _settled_elsewhere(evidence: Evidence, now: _Twin, learnt: Learnt, kept: Col
 
     With all values fitted to one form, another form is first farther: each that is near gets values of its own.
     """
-    for effect in _with_forms(now):
-        other = _best_form(evidence, now, effect, list(effect.switched()), kept)
+    for name in _with_forms(now):
+        other = _best_form(evidence, now, name, lambda effect: effect.switched(), kept)
         if other is not None and other.misfit < _NEAR * now.misfit:
             other = _settled(evidence, other, learnt)
             now = other if other.misfit < WORTH * now.misfit else now
@@ -336,25 +337,28 @@ def _settled_elsewhere(evidence: Evidence, now: _Twin, learnt: Learnt, kept: Col
     return now
 
 
-def _with_forms(now: _Twin) -> list[Effect]:
-    """Effects that may have another form."""
-    return [effect for effect in now.effects if not (effect.measured or isinstance(effect, ByState))]
+def _with_forms(now: _Twin) -> list[str]:
+    """Names of the effects that may have another form."""
+    return [effect.name for effect in now.effects if not (effect.measured or isinstance(effect, ByState))]
 
 
 def _best_form(
-    evidence: Evidence, now: _Twin, effect: Effect, forms: Sequence[Effect], kept: Collection[str]
+    evidence: Evidence, now: _Twin, name: str, forms: Callable[[Effect], Iterable[Effect]], kept: Collection[str]
 ) -> _Twin | None:
-    """The twin with the form and strength of an effect that are closest; None where none can be simulated.
+    """The twin with the form and strength of an effect that are closest; None where it has none, or not the effect.
 
     What looks alike may have been added to make up for the wrong form: all is tried without it, too, but for the
     effects that are `kept`.
     """
+    effect = next((one for one in now.effects if one.name == name), None)
+    if effect is None:
+        return None
     best = None
-    for form in forms:
+    for form in forms(effect):
         for factor in _FORM_STRENGTHS:
             if not evidence.fits(other := form.weakened(factor)):
                 continue
-            chain = tuple(other if one.name == effect.name else one for one in now.effects)
+            chain = tuple(other if one.name == name else one for one in now.effects)
             alone = tuple(one for one in chain if one.name in kept or one.name not in effect.look_alikes)
             for tried in dict.fromkeys((chain, alone)):
                 one = _made(evidence, now, tried, moved=effect.stage <= Stage.PATH)
